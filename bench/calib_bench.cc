@@ -16,6 +16,7 @@
 #include <string>
 
 #include "base/error.h"
+#include "base/random_vector.h"
 #include "base/statistics.h"
 #include "base/worker_pool.h"
 #include "cpu_time.h"
@@ -196,7 +197,7 @@ void Gross(std::size_t rigs) {
         if (rng.Uniform() > 0.1) continue;
         bad.push_back(i);
         if (survey) {
-          const Eigen::Vector3d way(rng.Normal(), rng.Normal(), rng.Normal());
+          const Eigen::Vector3d way = NormalVector(&rng);
           study.data.p.col(static_cast<Eigen::Index>(i)) += 3e-4 * size * way.normalized();
         } else {
           study.data.readings[i].u_px += (rng.Uniform() < 0.5 ? -0.05 : 0.05) * size;

@@ -11,7 +11,7 @@
 #include "base/error.h"
 #include "base/length.h"
 #include "base/progress.h"
-#include "base/random.h"
+#include "base/random_vector.h"
 #include "base/refuse_option.h"
 #include "base/text.h"
 #include "calib/covariance.h"
@@ -143,8 +143,8 @@ class Study {
           if (rng.Uniform(0.0, 1.0) < options_.wild) r.u_px = rng.Uniform(0.0, row - 1.0);
         }
         for (std::size_t i = 0; i < data.cov.size(); ++i) {
-          const Eigen::Vector3d z(rng.Normal(), rng.Normal(), rng.Normal());
-          data.p.col(static_cast<Eigen::Index>(i)) += data.cov[i].llt().matrixL() * z;
+          data.p.col(static_cast<Eigen::Index>(i)) +=
+              data.cov[i].llt().matrixL() * NormalVector(&rng);
         }
         const double before = CpuSeconds();
         const RigFit fit = FitRig(data, calibrate, "the planned survey");
@@ -222,8 +222,7 @@ class Study {
     for (int k = 0; k < setting.poses; ++k) {
       const Eigen::Vector3d at(SpreadPlace(k, 2), SpreadPlace(k, 3), SpreadPlace(k, 5));
       const Eigen::Vector3d middle = rig_.volume_low + size.cwiseProduct(at);
-      const Eigen::Vector3d way =
-          Eigen::Vector3d(rng.Normal(), rng.Normal(), rng.Normal()).normalized();
+      const Eigen::Vector3d way = NormalVector(&rng).normalized();
       out.poses.push_back(std::to_string(k + 1));
       for (int m = 0; m < 2; ++m) {
         const Eigen::Vector3d p = middle + (m - 0.5) * length * way;

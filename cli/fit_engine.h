@@ -13,7 +13,7 @@ class App;
 
 namespace unfurl::cli {
 
-struct VerbFiles;
+class VerbFiles;
 
 struct FitEngineArguments {
   std::string engine = "local", folder, serve;
@@ -31,8 +31,8 @@ void Check(const FitEngineArguments& a);
 class FitEngine {
  public:
   // `words`: of the command that serves, but for the folder. `output`: of the fit.
-  FitEngine(FitEngineArguments arguments, std::vector<std::string> words,
-            const std::string& output, bool talk);
+  FitEngine(FitEngineArguments arguments, std::vector<std::string> words, const std::string& output,
+            bool talk);
   ~FitEngine();
 
   correlate::Workers* Begin(const std::vector<const correlate::FitProblem*>& problems,

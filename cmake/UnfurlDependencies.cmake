@@ -33,6 +33,9 @@ function(unfurl_native)
   else()
     set_source_files_properties(${ARGN} PROPERTIES COMPILE_OPTIONS "-O3")
   endif()
+  # Loops here go some twenty turns: clang would take them eight or sixteen at a time and most of the rest one by one.
+  set_property(SOURCE ${ARGN} APPEND PROPERTY COMPILE_OPTIONS
+    $<$<CXX_COMPILER_ID:Clang>:-mllvm> $<$<CXX_COMPILER_ID:Clang>:-force-vector-interleave=1>)
   cmake_path(GET CMAKE_CURRENT_SOURCE_DIR FILENAME room)
   set_property(GLOBAL APPEND PROPERTY UNFURL_HOT_${room} ${ARGN})
 endfunction()

@@ -42,4 +42,5 @@ function(unfurl_embed output)
     COMMAND ${CMAKE_COMMAND} -DOUTPUT=${output} -DHEADER=${ARG_HEADER}
             -DNAMESPACE=${ARG_NAMESPACE} "-DENTRIES=${entries}" -P ${UNFURL_EMBED_SCRIPT}
     DEPENDS ${depends} COMMENT "Embedding files in the program" VERBATIM)
+  set_source_files_properties(${output} PROPERTIES COMPILE_OPTIONS -Wno-overlength-strings)
 endfunction()

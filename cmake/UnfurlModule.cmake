@@ -94,13 +94,40 @@ function(unfurl_module name)
   set_property(GLOBAL APPEND PROPERTY UNFURL_ROOMS ${name})
 endfunction()
 
-# Most of a clean build is tests; what they test is -O3.
-function(unfurl_test_options name)
-  target_compile_options(${name} PRIVATE -O1
+# What tests test is -O3; they themselves are compiled quickly, but for what computes much beside it, by -O1.
+function(unfurl_test_options name level)
+  target_compile_options(${name} PRIVATE ${level}
     # False alarms on std::string, GCC bug 105651, which come up where its header is precompiled.
     $<$<CXX_COMPILER_ID:GNU>:-Wno-array-bounds> $<$<CXX_COMPILER_ID:GNU>:-Wno-stringop-overflow>
     $<$<CXX_COMPILER_ID:GNU>:-Wno-stringop-overread>
     $<$<CXX_COMPILER_ID:GNU>:-fpch-preprocess>)  # or ccache keeps nothing of them
+endfunction()
+
+# The rooms that a program is linked from come whole and before its own objects: of a template that both have the linker
+# takes the first, and would have the rooms' compute with the tests' -O0.
+function(unfurl_rooms_first program)
+  get_property(rooms GLOBAL PROPERTY UNFURL_ROOMS)
+  set(seen)
+  set(waiting ${program})
+  while(waiting)
+    list(POP_FRONT waiting target)
+    string(REPLACE "unfurl::" "unfurl_" target "${target}")
+    if(NOT TARGET ${target} OR target IN_LIST seen)
+      continue()
+    endif()
+    list(APPEND seen ${target})
+    get_target_property(links ${target} LINK_LIBRARIES)
+    if(links)
+      list(APPEND waiting ${links})
+    endif()
+  endwhile()
+  set(whole)
+  foreach(room ${rooms})
+    if(unfurl_${room} IN_LIST seen)
+      list(APPEND whole $<TARGET_FILE:unfurl_${room}>)
+    endif()
+  endforeach()
+  target_link_options(${program} PRIVATE LINKER:--whole-archive ${whole} LINKER:--no-whole-archive)
 endfunction()
 
 # Each TEST becomes one CTest entry; LABELS slow keeps it out of the default set. Those that the filters SLOW name are
@@ -115,8 +142,13 @@ function(unfurl_test name)
   target_link_libraries(${name} PRIVATE ${ARG_LINKS} GTest::gtest GTest::gmock GTest::gtest_main)
   target_include_directories(${name} PRIVATE ${PROJECT_BINARY_DIR}/generated)  # tests/source_dir.h
   unfurl_compile_options(${name})
-  target_precompile_headers(${name} REUSE_FROM unfurl_test_headers)
-  unfurl_test_options(${name})
+  if("${ARG_LABELS}" MATCHES "slow")
+    unfurl_test_options(${name} -O1)
+  else()
+    target_precompile_headers(${name} REUSE_FROM unfurl_test_headers)
+    unfurl_test_options(${name} -O0)
+  endif()
+  unfurl_rooms_first(${name})
   set_property(GLOBAL APPEND PROPERTY UNFURL_TEST_PROGRAMS ${name})
   include(GoogleTest)
   if("${ARG_LABELS}" MATCHES "slow" AND NOT UNFURL_SLOW)  # built where asked for by name

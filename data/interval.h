@@ -43,9 +43,13 @@ inline Interval operator*(const Interval& u, const Interval& v) {
 inline Interval operator*(double s, const Interval& u) {
   return s < 0.0 ? Clamped(s * u.high, s * u.low) : Clamped(s * u.low, s * u.high);
 }
-// Everything, where the divisor may be (next to) zero.
+// Or next to zero.
+inline bool MayBeZero(const Interval& u) {
+  return u.low < 1.0 / kUnbounded && u.high > -1.0 / kUnbounded;
+}
+// Everything, where the divisor may be zero.
 inline Interval operator/(const Interval& u, const Interval& v) {
-  if (v.low < 1.0 / kUnbounded && v.high > -1.0 / kUnbounded) return kEverything;
+  if (MayBeZero(v)) return kEverything;
   return u * Interval{1.0 / v.high, 1.0 / v.low};
 }
 

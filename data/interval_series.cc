@@ -58,6 +58,10 @@ Bounds Product(const Bounds& u, const Bounds& v, int order) {
 
 Bounds Quotient(const Bounds& u, const Bounds& v, int order) {
   Bounds out;
+  if (MayBeZero(v.c[0])) {  // asked out here: compilers divide before the loop
+    std::fill_n(out.c.begin(), order + 1, kEverything);
+    return out;
+  }
   for (int k = 0; k <= order; ++k) {
     Interval rest = u.c[k];
     for (int j = 1; j <= k; ++j) rest = rest - v.c[j] * out.c[k - j];

@@ -9,6 +9,7 @@
 
 #include "base/dense.h"
 #include "base/error.h"
+#include "base/random_vector.h"
 #include "base/worker_pool.h"
 #include "measure/exposer.h"
 
@@ -308,8 +309,7 @@ data::Survey ExposeSurvey(const data::Lab& lab, const data::Survey& points,
     Eigen::Matrix3d C;
     C << c(0), c(1), c(2), c(1), c(3), c(4), c(2), c(4), c(5);
     Rng station = seed.Stream("station", i);
-    const Eigen::Vector3d z(station.Normal(), station.Normal(), station.Normal());
-    survey.p.col(col) += C.llt().matrixL() * z;
+    survey.p.col(col) += C.llt().matrixL() * NormalVector(&station);
   }
   if (lab.flat_field.lines > 0) survey.response = RecordFlatField(lab, rig, options.workers);
   const Rng noise = seed.Stream("survey");

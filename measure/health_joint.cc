@@ -26,7 +26,6 @@ class Joint {
   Joint(const HealthEvidence& evidence, const Triangulator& triangulator,
         const Hypothesis& likeliest, std::size_t marks)
       : evidence_(evidence),
-        triangulator_(triangulator),
         cameras_(triangulator.cameras()),
         likeliest_(likeliest),
         errors_(triangulator) {
@@ -151,7 +150,6 @@ class Joint {
   }
 
   const HealthEvidence& evidence_;
-  const Triangulator& triangulator_;
   std::size_t cameras_;
   const Hypothesis& likeliest_;
   FlashErrors errors_;

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "base/random.h"
+#include "base/random_vector.h"
 #include "measure/spot_painter.h"
 
 namespace unfurl::measure {
@@ -52,9 +52,7 @@ LensCamera Assemble(const data::Lab& lab, const data::LabLens& lens, const data:
   return camera;
 }
 
-Eigen::Vector3d Draw(Rng& rng, double sigma) {
-  return sigma * Eigen::Vector3d(rng.Normal(), rng.Normal(), rng.Normal());
-}
+Eigen::Vector3d Draw(Rng& rng, double sigma) { return sigma * NormalVector(&rng); }
 
 }  // namespace
 

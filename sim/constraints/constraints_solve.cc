@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/loop.h"
 #include "sim/constraints/constraints.h"
 
 namespace unfurl::sim {
@@ -32,7 +33,7 @@ void Constraints::FillGeometry(const Motion& m, Work* work) const {
   double* __restrict axis_y = work->axis_y.data();
   const double* __restrict active = active_.data();
   const double* __restrict chord = chord_.data();
-#pragma GCC ivdep
+  UNFURL_INDEPENDENT
   for (int e = 0; e < beam_count_; ++e) {
     const double rx = m.x[e + 1] - m.x[e], ry = m.y[e + 1] - m.y[e];
     const bool along = chord[e] > 0.0;
@@ -69,7 +70,7 @@ void Constraints::AssembleSchur(Work* work) const {
   const double* __restrict c = work->axis_x.data();
   const double* __restrict s = work->axis_y.data();
   const int count = beam_count_;
-#pragma GCC ivdep
+  UNFURL_INDEPENDENT
   for (int e = 0; e < count; ++e) {
     diagonal[e] =
         mass_sum[e] + inertia_i[e] * tilt_i[e] * tilt_i[e] + inertia_j[e] * tilt_j[e] * tilt_j[e];
@@ -138,7 +139,7 @@ void Constraints::ConstraintLoad(const Array& by_row, Work* work) const {
     fy[0] = -sine[0] * lambda[0];
     mm[0] = tilt[0] * lambda[0];
   }
-#pragma GCC ivdep
+  UNFURL_INDEPENDENT
   for (int k = 1; k < count; ++k) {
     fx[k] = c[k - 1] * lambda[k - 1] - c[k] * lambda[k];
     fy[k] = sine[k - 1] * lambda[k - 1] - sine[k] * lambda[k];
@@ -165,7 +166,7 @@ void Constraints::Accelerate(const Motion& m, Load load, Work* work) const {
   const double* __restrict load_y = load.fy;
   const double* __restrict load_m = load.m;
   const int n = n_;
-#pragma GCC ivdep
+  UNFURL_INDEPENDENT
   for (int k = 0; k < n; ++k) {
     ax[k] = load_x[k] * im[k];
     ay[k] = load_y[k] * im[k];
@@ -202,14 +203,14 @@ void Constraints::Accelerate(const Motion& m, Load load, Work* work) const {
   const double* __restrict sine = work->axis_y.data();
   const double* __restrict chord = chord_.data();
   const int elements = beam_count_;
-#pragma GCC ivdep
+  UNFURL_INDEPENDENT
   for (int e = 0; e < elements; ++e) {
     const double c = cosine[e], s = sine[e];
     const double along = (x[e + 1] - x[e]) * c + (y[e + 1] - y[e]) * s;
     const double across = (vx[e + 1] - vx[e]) * s - (vy[e + 1] - vy[e]) * c;
     // How fast the axis turns: with the segment, or as the stations move across the chord.
     const bool turns = chord[e] > 0.0;
-    const double w = turns ? -across / (turns ? along : 1.0) : omega[e];
+    const double w = (turns ? -across : omega[e]) / (turns ? along : 1.0);
     const double gamma = w * (2.0 * across + w * along);
     b[e] = active[e] * (gamma - (ax[e + 1] - ax[e]) * c - (ay[e + 1] - ay[e]) * s) -
            tilt[e] * alpha[e];
@@ -223,7 +224,7 @@ void Constraints::Accelerate(const Motion& m, Load load, Work* work) const {
   const double* __restrict fx = work->fx.data();
   const double* __restrict fy = work->fy.data();
   const double* __restrict mm = work->m.data();
-#pragma GCC ivdep
+  UNFURL_INDEPENDENT
   for (int k = 0; k < n; ++k) {
     ax[k] = (load_x[k] + fx[k]) * im[k];
     ay[k] = (load_y[k] + fy[k]) * im[k];
@@ -252,7 +253,7 @@ double Constraints::PositionDrift(const Motion& m, Work* work) const {
   const double* __restrict active = active_.data();
   const double* __restrict length = length_.data();
   const int count = beam_count_;
-#pragma GCC ivdep
+  UNFURL_INDEPENDENT
   for (int e = 0; e < count; ++e) {
     phi[e] = active[e] * ((x[e + 1] - x[e]) * c[e] + (y[e + 1] - y[e]) * s[e] - length[e]);
   }
@@ -276,7 +277,7 @@ double Constraints::VelocityDrift(const Motion& m, Work* work) const {
   const double* __restrict active = active_.data();
   const double* __restrict tilt = work->tilt.data();
   const int count = beam_count_;
-#pragma GCC ivdep
+  UNFURL_INDEPENDENT
   for (int e = 0; e < count; ++e) {
     rate[e] =
         active[e] * ((vx[e + 1] - vx[e]) * c[e] + (vy[e + 1] - vy[e]) * s[e]) + tilt[e] * omega[e];

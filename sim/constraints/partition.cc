@@ -17,7 +17,6 @@ Partition::Partition(const JacobianEntries& entries, double length)
     : rows_(entries.rows()),
       places_(entries.count()),
       column_count_(entries.columns()),
-      length_(length),
       scale_(entries.columns(), 1.0) {
   // Angles are the last third.
   std::fill(scale_.begin() + column_count_ / 3 * 2, scale_.end(), 1.0 / length);

@@ -67,7 +67,6 @@ class Partition {
   };
 
   int rows_ = 0, places_ = 0, column_count_ = 0;
-  double length_ = 1.0;                 // of the scene [m]
   std::vector<int> first_, column_of_;  // of a row's entries, by row; column by entry
   std::vector<double> scale_;           // by column [-], [1/m]
   std::vector<int> row_of_;             // row that a dependent column is the pivot of, by column

@@ -3,6 +3,8 @@
 #include <bit>
 #include <cstdint>
 
+#include "base/loop.h"
+
 namespace unfurl::sim {
 
 void SinCos(const double* __restrict theta, int n, double* __restrict sine,
@@ -13,7 +15,7 @@ void SinCos(const double* __restrict theta, int n, double* __restrict sine,
   constexpr double kPart2 = 7.54978941586159635336e-8;
   constexpr double kPart3 = 5.39030285815811905290e-15;
   constexpr double kRound = 6755399441055744.0;  // 1.5 * 2^52: adding it rounds to an integer
-#pragma GCC ivdep
+  UNFURL_INDEPENDENT
   for (int i = 0; i < n; ++i) {
     const double t = theta[i];
     const double shifted = t * kTwoOverPi + kRound;

@@ -2,6 +2,8 @@
 
 #include <cmath>
 
+#include "base/loop.h"
+
 namespace unfurl::sim {
 namespace {
 
@@ -80,7 +82,7 @@ void Bending::Forces(const Motion& motion, double* scratch) const {
   const double* __restrict axial = axial_stiffness_.data();
   const double* __restrict beta = beta_.data();
   const double* __restrict gradient = gradient_.data();
-#pragma GCC ivdep
+  UNFURL_INDEPENDENT
   for (int e = 0; e < count; ++e) {
     const Relative r = Relate(pc[e], pc[e + 1], ps[e], ps[e + 1], px[e + 1] - px[e],
                               py[e + 1] - py[e], pt[e + 1] - pt[e]);
@@ -143,7 +145,7 @@ void Bending::AddLoad(const Motion& motion, double* scratch, Load load, double* 
   double* __restrict fx = load.fx;
   double* __restrict fy = load.fy;
   double* __restrict m = load.m;
-#pragma GCC ivdep
+  UNFURL_INDEPENDENT
   for (int k = 0; k < beam_count_; ++k) {
     fx[k] += ex[k] - ex[k - 1];
     fy[k] += ey[k] - ey[k - 1];
@@ -163,7 +165,7 @@ void Bending::AddLoad(const Motion& motion, double* scratch, Load load, double* 
 
 double Bending::Energy(const Motion& motion) const {
   double sum = 0.0;
-#pragma GCC ivdep
+  UNFURL_INDEPENDENT
   for (int e = 0; e < beam_count_; ++e) {
     const Relative r = RelateAt(motion, e);
     sum += 0.5 * (shear_[e] * r.dy * r.dy + bend_[e] * r.dtheta * r.dtheta);

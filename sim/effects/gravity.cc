@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "base/loop.h"
+
 namespace unfurl::sim {
 
 Gravity::Gravity(const Array& mass, double gx, double gy)
@@ -15,7 +17,7 @@ void Gravity::AddLoad(const Motion&, Load load, double*) const {
   const int n = static_cast<int>(mass_.size());
   double* __restrict fx = load.fx;
   double* __restrict fy = load.fy;
-#pragma GCC ivdep
+  UNFURL_INDEPENDENT
   for (int i = 0; i < n; ++i) {
     fx[i] += mass_[i] * gx_;
     fy[i] += mass_[i] * gy_;

@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "base/loop.h"
 #include "sim/implicit/tangent.h"
 
 namespace unfurl::sim {
@@ -26,7 +27,7 @@ void Suspension::AddLoad(const Motion& motion, Load load, double*) const {
   const double* __restrict y_hang = y_.data();
   double* __restrict fx = load.fx;
   double* __restrict fy = load.fy;
-#pragma GCC ivdep
+  UNFURL_INDEPENDENT
   for (int i = 0; i < n; ++i) {
     fx[i] -= k[i] * (x[i] - x_hang[i]);
     fy[i] -= k[i] * (y[i] - y_hang[i]);

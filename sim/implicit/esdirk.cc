@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "base/loop.h"
+
 namespace unfurl::sim {
 namespace {
 
@@ -129,7 +131,7 @@ void Esdirk::BeginStage(int i) {
   double* __restrict z = z_.data();
   const double* __restrict y = y_.data();
   const double* __restrict last = k_[i - 1].data();
-#pragma GCC ivdep
+  UNFURL_INDEPENDENT
   for (int k = 0; k < size_; ++k) {
     z[k] = hg * last[k];
     at[k] = y[k] + z[k];
@@ -138,7 +140,7 @@ void Esdirk::BeginStage(int i) {
     const double factor = h_ * table_.a[i][j];
     if (factor == 0.0) continue;
     const double* __restrict k_j = k_[j].data();
-#pragma GCC ivdep
+    UNFURL_INDEPENDENT
     for (int k = 0; k < size_; ++k) at[k] += factor * k_j[k];
   }
   change_ = 0.0;
@@ -161,10 +163,10 @@ bool Esdirk::SolveStage(int i) {
     dynamics_.RightSide(t_ + table_.c[i] * h_, trial_.data(), rate_.data());
     ++evaluations_;
     ++solves_;
-#pragma GCC ivdep
+    UNFURL_INDEPENDENT
     for (int k = 0; k < size_; ++k) rate[k] -= inverse * z[k];
     matrix_.Solve(rate_.data(), delta_.data());
-#pragma GCC ivdep
+    UNFURL_INDEPENDENT
     for (int k = 0; k < size_; ++k) {
       z[k] += delta[k];
       at[k] += delta[k];
@@ -175,7 +177,7 @@ bool Esdirk::SolveStage(int i) {
     state = Judge(kStrictness * norm, wanted, enough);
   }
   double* __restrict k_i = k_[i].data();
-#pragma GCC ivdep
+  UNFURL_INDEPENDENT
   for (int k = 0; k < size_; ++k) k_i[k] = inverse * z[k];
   return state == Newton::kSolved;
 }
@@ -190,7 +192,7 @@ double Esdirk::EstimateError() {
     const double factor = (b - table_.b_hat[i]) / table_.gamma;
     if (factor == 0.0) continue;
     const double* __restrict k_i = k_[i].data();
-#pragma GCC ivdep
+    UNFURL_INDEPENDENT
     for (int k = 0; k < size_; ++k) sum[k] += factor * k_i[k];
   }
   matrix_.Solve(rate_.data(), delta_.data());

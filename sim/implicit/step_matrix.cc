@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "base/loop.h"
+
 namespace unfurl::sim {
 namespace {
 
@@ -77,7 +79,7 @@ void StepMatrix::FormRight(double* v, double* w) {
   if (constrained) saddle_->JacobianTimes(jacobian_.data(), w, row_.data());
   const double* __restrict mass = dynamics_.model().rigid_bodies.mass.data();
   const double* __restrict inertia = dynamics_.model().rigid_bodies.inertia.data();
-#pragma GCC ivdep
+  UNFURL_INDEPENDENT
   for (int k = 0; k < n_; ++k) {
     w[k] *= mass[k];
     w[n_ + k] *= mass[k];
@@ -104,7 +106,7 @@ void StepMatrix::RemoveDrift(double* blocks) {
 void StepMatrix::Solve(double* F, double* out) {
   const int n3 = 3 * n_;
   double* __restrict w = solution_.data();
-#pragma GCC ivdep
+  UNFURL_INDEPENDENT
   for (int k = 0; k < n3; ++k) w[k] = hg_ * F[n3 + k] + F[k];
   FormRight(F, w);
   if (smooth_) {
@@ -112,7 +114,7 @@ void StepMatrix::Solve(double* F, double* out) {
   } else {
     saddle_->Solve(w, row_.data());
   }
-#pragma GCC ivdep
+  UNFURL_INDEPENDENT
   for (int k = 0; k < n3; ++k) {
     out[k] = hg_ * w[k];
     out[n3 + k] = w[k] - F[k];

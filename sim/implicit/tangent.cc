@@ -2,11 +2,12 @@
 
 #include <algorithm>
 
+#include "base/loop.h"
+
 namespace unfurl::sim {
 
 Tangent::Tangent(const RigidBodies& bodies)
     : n_(bodies.count),
-      beam_count_(bodies.beam_count),
       stations_(bodies.stations),
       body_of_(bodies.count),
       is_dynamic_(bodies.count),
@@ -224,16 +225,16 @@ void Tangent::AddDamping(double factor, const double* v, double* out) const {
     const double* __restrict nx = next_d_[3 * row].data();
     const double* __restrict ny = next_d_[3 * row + 1].data();
     const double* __restrict nt = next_d_[3 * row + 2].data();
-#pragma GCC ivdep
+    UNFURL_INDEPENDENT
     for (int e = 0; e < n; ++e) to[e] += factor * (ox[e] * vx[e] + oy[e] * vy[e] + ot[e] * vt[e]);
     const double* __restrict tx = next_d_[row].data();
     const double* __restrict ty = next_d_[3 + row].data();
     const double* __restrict tt = next_d_[6 + row].data();
-#pragma GCC ivdep
+    UNFURL_INDEPENDENT
     for (int e = 0; e + 1 < n; ++e) {
       to[e] += factor * (nx[e] * vx[e + 1] + ny[e] * vy[e + 1] + nt[e] * vt[e + 1]);
     }
-#pragma GCC ivdep
+    UNFURL_INDEPENDENT
     for (int e = 0; e + 1 < n; ++e) {
       to[e + 1] += factor * (tx[e] * vx[e] + ty[e] * vy[e] + tt[e] * vt[e]);
     }

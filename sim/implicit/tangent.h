@@ -81,7 +81,7 @@ class Tangent {
   void NoteDamped(int body);
   void NoteDampedPair(int p);
 
-  int n_ = 0, beam_count_ = 0;
+  int n_ = 0;
   bool note_ = false;
   std::vector<Station> stations_;
   std::vector<int> body_of_;      // by body

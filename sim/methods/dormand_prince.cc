@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "base/loop.h"
+
 namespace unfurl::sim {
 namespace {
 
@@ -55,26 +57,26 @@ double DormandPrince::Try(double h) {
   double* __restrict s = stage_.data();
   double* __restrict out = trial_.data();
   h_ = h;
-#pragma GCC ivdep
+  UNFURL_INDEPENDENT
   for (int i = 0; i < size; ++i) s[i] = y[i] + h * (kA21 * k1[i]);
   if (!Stage(t_ + 0.2 * h, s, k_[1].data())) return kGivenUp;
-#pragma GCC ivdep
+  UNFURL_INDEPENDENT
   for (int i = 0; i < size; ++i) s[i] = y[i] + h * (kA31 * k1[i] + kA32 * k2[i]);
   if (!Stage(t_ + 0.3 * h, s, k_[2].data())) return kGivenUp;
-#pragma GCC ivdep
+  UNFURL_INDEPENDENT
   for (int i = 0; i < size; ++i) s[i] = y[i] + h * (kA41 * k1[i] + kA42 * k2[i] + kA43 * k3[i]);
   if (!Stage(t_ + 0.8 * h, s, k_[3].data())) return kGivenUp;
-#pragma GCC ivdep
+  UNFURL_INDEPENDENT
   for (int i = 0; i < size; ++i) {
     s[i] = y[i] + h * (kA51 * k1[i] + kA52 * k2[i] + kA53 * k3[i] + kA54 * k4[i]);
   }
   if (!Stage(t_ + 8.0 / 9.0 * h, s, k_[4].data())) return kGivenUp;
-#pragma GCC ivdep
+  UNFURL_INDEPENDENT
   for (int i = 0; i < size; ++i) {
     s[i] = y[i] + h * (kA61 * k1[i] + kA62 * k2[i] + kA63 * k3[i] + kA64 * k4[i] + kA65 * k5[i]);
   }
   if (!Stage(t_ + h, s, k_[5].data())) return kGivenUp;
-#pragma GCC ivdep
+  UNFURL_INDEPENDENT
   for (int i = 0; i < size; ++i) {
     out[i] = y[i] + h * (kB1 * k1[i] + kB3 * k3[i] + kB4 * k4[i] + kB5 * k5[i] + kB6 * k6[i]);
   }

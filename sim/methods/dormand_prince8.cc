@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "base/loop.h"
 #include "sim/methods/dormand_prince8_table.h"
 
 namespace unfurl::sim {
@@ -23,7 +24,7 @@ inline void Combine(const std::array<Array, 16>& k, const Terms<N>& terms, doubl
     stage[t] = k[terms[t].stage].data();
     weight[t] = terms[t].weight;
   }
-#pragma GCC ivdep
+  UNFURL_INDEPENDENT
   for (int i = 0; i < size; ++i) {
     double sum = 0.0;
 #pragma GCC unroll 12
@@ -43,7 +44,7 @@ inline void CombineSlopes(const std::array<Array, 16>& k, const Terms<N>& terms,
     stage[t] = k[terms[t].stage].data();
     weight[t] = terms[t].weight;
   }
-#pragma GCC ivdep
+  UNFURL_INDEPENDENT
   for (int i = 0; i < size; ++i) {
     double sum = 0.0;
 #pragma GCC unroll 12
@@ -201,7 +202,7 @@ void DormandPrince8::Dense(double sigma, double* out) {
   const double* __restrict c5 = k_[2].data();
   const double* __restrict c6 = k_[3].data();
   const double* __restrict c7 = k_[4].data();
-#pragma GCC ivdep
+  UNFURL_INDEPENDENT
   for (int i = 0; i < size_; ++i) {
     const double c1 = trial[i] - y[i];
     const double c2 = h_ * k0[i] - c1;

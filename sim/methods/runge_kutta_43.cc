@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "base/loop.h"
+
 namespace unfurl::sim {
 namespace {
 
@@ -38,16 +40,16 @@ double RungeKutta43::Try(double h) {
   double* __restrict s = stage_.data();
   double* __restrict out = trial_.data();
   h_ = h;
-#pragma GCC ivdep
+  UNFURL_INDEPENDENT
   for (int i = 0; i < size; ++i) s[i] = y[i] + 0.5 * h * k1[i];
   if (!Stage(t_ + 0.5 * h, s, k_[1].data())) return kGivenUp;
-#pragma GCC ivdep
+  UNFURL_INDEPENDENT
   for (int i = 0; i < size; ++i) s[i] = y[i] + 0.5 * h * k2[i];
   if (!Stage(t_ + 0.5 * h, s, k_[2].data())) return kGivenUp;
-#pragma GCC ivdep
+  UNFURL_INDEPENDENT
   for (int i = 0; i < size; ++i) s[i] = y[i] + h * k3[i];
   if (!Stage(t_ + h, s, k_[3].data())) return kGivenUp;
-#pragma GCC ivdep
+  UNFURL_INDEPENDENT
   for (int i = 0; i < size; ++i) {
     out[i] = y[i] + h / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]);
   }

@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-#include "base/random.h"
+#include "base/random_vector.h"
 
 namespace unfurl::pose_test {
 namespace {
@@ -14,7 +14,7 @@ constexpr double kRoundOff = 1e-13;  // some tens of operations on numbers of or
 TEST(Pose, RotationVectorsGoThereAndBack) {
   Rng rng(1);
   for (int i = 0; i < 100; ++i) {
-    Eigen::Vector3d w(rng.Normal(), rng.Normal(), rng.Normal());
+    Eigen::Vector3d w = NormalVector(&rng);
     w *= rng.Uniform(0.0, 3.0) / w.norm();
     EXPECT_LT((VectorFromRotation(RotationFromVector(w)) - w).norm(), 1e-11) << w.transpose();
   }

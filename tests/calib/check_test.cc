@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "base/error.h"
+#include "base/random_vector.h"
 #include "calib/layout.h"
 #include "calib/plan.h"
 #include "measure/camera_model.h"
@@ -30,10 +31,9 @@ Observations BarAt(const std::vector<data::RigCamera>& truth, double length, std
   Rng rng(seed);
   Eigen::Matrix3Xd ends(3, 12);
   for (Eigen::Index k = 0; k < 6; ++k) {
-    Eigen::Vector3d way(rng.Normal(), rng.Normal(), rng.Normal());
+    Eigen::Vector3d way = NormalVector(&rng);
     way *= 0.5 * length / way.norm();
-    const Eigen::Vector3d middle(rng.Uniform(-0.2, 0.2), rng.Uniform(-0.2, 0.2),
-                                 rng.Uniform(-0.2, 0.2));
+    const Eigen::Vector3d middle = UniformVector(&rng, -0.2, 0.2);
     ends.col(2 * k) = middle - way;
     ends.col(2 * k + 1) = middle + way;
   }
@@ -276,10 +276,9 @@ TEST(CheckOfThreeCameras, ABarIsFoundWhereItsEndsAreNot) {
     Rng draw(1000 + seed);
     Eigen::Matrix3Xd ends(3, 20);
     for (Eigen::Index k = 0; k < 10; ++k) {
-      Eigen::Vector3d way(draw.Normal(), draw.Normal(), draw.Normal());
+      Eigen::Vector3d way = NormalVector(&draw);
       way *= 0.3 / way.norm();
-      const Eigen::Vector3d middle(draw.Uniform(-0.6, 0.6), draw.Uniform(-0.6, 0.6),
-                                   draw.Uniform(-0.6, 0.6));
+      const Eigen::Vector3d middle = UniformVector(&draw, -0.6, 0.6);
       ends.col(2 * k) = middle - way;
       ends.col(2 * k + 1) = middle + way;
     }

@@ -7,6 +7,7 @@
 #include <map>
 #include <optional>
 
+#include "base/random_vector.h"
 #include "base/statistics.h"
 #include "base/worker_pool.h"
 #include "calib/calibrate.h"
@@ -68,7 +69,7 @@ Observations BarEnds(const Case& one, std::uint64_t draw) {
   Rng rng = lab.rng.Stream("placements");
   Eigen::Matrix3Xd ends(3, 2 * kPlacements);
   for (Eigen::Index k = 0; k < kPlacements; ++k) {
-    Eigen::Vector3d way(rng.Normal(), rng.Normal(), rng.Normal()), middle;
+    Eigen::Vector3d way = NormalVector(&rng), middle;
     way *= 0.5 * lab.half / way.norm();
     for (double& x : middle) x = lab.half * rng.Uniform(-0.5, 0.5);
     ends.col(2 * k) = middle - way;

@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "base/error.h"
+#include "base/random_vector.h"
 #include "base/worker_pool.h"
 #include "tests/calib/fixtures.h"
 
@@ -26,11 +27,10 @@ std::vector<data::RigCamera> RandomRig(const Eigen::Matrix3Xd& points, Rng rng) 
   std::vector<data::RigCamera> cameras = MakeRig({.f_spread = 0.3}, rng.Stream("lenses"));
   for (data::RigCamera& camera : cameras) {
     while (true) {
-      Eigen::Vector3d way(rng.Normal(), rng.Normal(), rng.Normal());
+      Eigen::Vector3d way = NormalVector(&rng);
       way.normalize();
       const double distance = camera.f_px / 2214.0 * rng.Uniform(3.0, 4.5);
-      const Eigen::Vector3d target(rng.Uniform(-0.3, 0.3), rng.Uniform(-0.3, 0.3),
-                                   rng.Uniform(-0.3, 0.3));
+      const Eigen::Vector3d target = UniformVector(&rng, -0.3, 0.3);
       const data::RigCamera pose = LookAt(distance * way, target, rng.Uniform(-M_PI, M_PI));
       camera.R_CW = pose.R_CW;
       camera.p_WC = pose.p_WC;
@@ -99,7 +99,7 @@ TEST(GrossErrors, AreSurvivedAndFound) {
     for (Eigen::Index i = 0; i < study.data.p.cols(); ++i) {
       if (rng.Uniform() > 0.03) continue;
       bad_point[static_cast<std::size_t>(i)] = true;
-      study.data.p.col(i) += 0.03 * Eigen::Vector3d(rng.Normal(), rng.Normal(), rng.Normal());
+      study.data.p.col(i) += 0.03 * NormalVector(&rng);
     }
     for (Reading& r : study.data.readings) {
       bad_reading.push_back(rng.Uniform() < 0.05);

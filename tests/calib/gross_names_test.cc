@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <vector>
 
+#include "base/random_vector.h"
 #include "base/worker_pool.h"
 #include "calib/calibrate.h"
 #include "calib/explain.h"
@@ -54,7 +55,7 @@ Tally PlantAll(std::uint64_t seed, double reading_sigma) {
   for (std::size_t i = kPoints - 1; i > 0; --i) std::swap(order[i], order[rng.Integer(i + 1)]);
 
   for (std::size_t k = 0; k < 3; ++k) {
-    const Eigen::Vector3d way(rng.Normal(), rng.Normal(), rng.Normal());
+    const Eigen::Vector3d way = NormalVector(&rng);
     data.p.col(order[k]) += half * std::pow(10.0, rng.Uniform(-2.0, -1.0)) * way.normalized();
   }
   data.p.col(order[3]).swap(data.p.col(order[4]));

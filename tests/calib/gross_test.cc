@@ -7,6 +7,7 @@
 #include <atomic>
 #include <cmath>
 
+#include "base/random_vector.h"
 #include "base/worker_pool.h"
 #include "tests/calib/fixtures.h"
 
@@ -49,7 +50,7 @@ Outcome Plant(Where where, std::uint64_t seed) {
     for (std::size_t i = 0; i < bad_point.size(); ++i) {
       if (rng.Uniform() > 0.1) continue;
       bad_point[i] = 1;
-      const Eigen::Vector3d way(rng.Normal(), rng.Normal(), rng.Normal());
+      const Eigen::Vector3d way = NormalVector(&rng);
       study.data.p.col(static_cast<Eigen::Index>(i)) += 3e-4 * size() * way.normalized();
     }
   } else {

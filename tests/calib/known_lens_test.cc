@@ -12,6 +12,7 @@
 #include "base/dense.h"
 #include "base/error.h"
 #include "base/pose.h"
+#include "base/random_vector.h"
 #include "base/worker_pool.h"
 #include "calib/calibrate.h"
 #include "calib/covariance.h"
@@ -29,9 +30,7 @@ using testing::TracedLab;
 constexpr std::size_t kRepeats = testing::Labs(8, 100);
 constexpr int kMany = 150, kFew = 16, kChecks = 60;  // points
 
-Eigen::Vector3d Draw(Rng* rng, double size) {
-  return size * Eigen::Vector3d(rng->Normal(), rng->Normal(), rng->Normal());
-}
+Eigen::Vector3d Draw(Rng* rng, double size) { return size * NormalVector(rng); }
 
 // Each camera bumped, by some millimetres and milliradians.
 void Bump(TracedLab* lab, double metres, double radians) {

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "base/error.h"
+#include "base/random_vector.h"
 #include "base/worker_pool.h"
 #include "calib/plan_survey.h"
 #include "measure/triangulate.h"
@@ -94,7 +95,7 @@ data::Rig Reached(TracedLab lab, const data::Survey& planned) {
     const auto c = planned.cov.col(i);
     Eigen::Matrix3d& cov = data.cov[static_cast<std::size_t>(i)];
     cov << c(0), c(1), c(2), c(1), c(3), c(4), c(2), c(4), c(5);
-    const Eigen::Vector3d z(rng.Normal(), rng.Normal(), rng.Normal());
+    const Eigen::Vector3d z = NormalVector(&rng);
     data.p.col(i) += cov.llt().matrixL() * z;
   }
   return Calibrate(data, {.workers = 1}, "test").rig;

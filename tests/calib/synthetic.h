@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "base/pose.h"
-#include "base/random.h"
+#include "base/random_vector.h"
 #include "calib/observations.h"
 #include "data/rig.h"
 #include "measure/camera_model.h"
@@ -72,7 +72,7 @@ inline std::vector<data::RigCamera> MakeRig(const RigOptions& options, Rng rng) 
         LookAtFromX(place, Eigen::Vector3d::Zero(), (j % 2 == 0 ? 1.0 : -1.0) * M_PI / 4.0);
     const auto error = [&] { return options.pose_error * rng.Normal(); };
     camera.R_CW = RotationFromVector({error(), error(), error()}) * camera.R_CW;
-    camera.p_WC += Eigen::Vector3d(error(), error(), error());
+    camera.p_WC += options.pose_error * NormalVector(&rng);
     camera.name = "c" + std::to_string(j + 1);
     camera.f_px = options.f_px * (1.0 + options.f_spread * rng.Uniform(-1.0, 1.0));
     camera.u0_px = 1079.5 + 10.0 * rng.Normal();

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "base/error.h"
+#include "base/random_vector.h"
 #include "base/worker_pool.h"
 #include "calib/calibrate.h"
 #include "calib/verdict.h"
@@ -45,7 +46,7 @@ Tally PlantThroughGlass(bool survey) {
     }
     for (std::size_t i = 0; i < bad_point.size(); ++i) {
       if (bad_point[i] == 0.0) continue;
-      const Eigen::Vector3d way(rng.Normal(), rng.Normal(), rng.Normal());
+      const Eigen::Vector3d way = NormalVector(&rng);
       data.p.col(static_cast<Eigen::Index>(i)) +=
           testing::kTracedSurvey * bad_point[i] * way.normalized();
     }

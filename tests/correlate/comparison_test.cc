@@ -9,7 +9,7 @@
 #include <numbers>
 #include <regex>
 
-#include "base/random.h"
+#include "base/random_vector.h"
 #include "correlate/sampled_model.h"
 
 namespace unfurl::correlate::comparison_test {
@@ -39,7 +39,7 @@ Observations Opening(double frequency, double later, std::uint64_t seed) {
       s.p.col(i) =
           from + open * way +
           rings * 5e-3 / (1.0 + m) * std::sin(2.0 * std::numbers::pi * frequency * t) * along +
-          kSigma * Eigen::Vector3d(rng.Normal(), rng.Normal(), rng.Normal());
+          kSigma * NormalVector(&rng);
       s.cov.col(i) << kSigma * kSigma, 0, 0, kSigma * kSigma, 0, kSigma * kSigma;
     }
     o.marks.push_back(std::move(s));

@@ -10,7 +10,7 @@
 #include <functional>
 #include <numbers>
 
-#include "base/random.h"
+#include "base/random_vector.h"
 #include "correlate/sampled_model.h"
 
 namespace unfurl::correlate::explanations_test {
@@ -44,7 +44,7 @@ Observations Opening(double size, std::uint64_t seed, double frequency = 2.0, do
       s.t.push_back(t * (1.0 + clock));
       s.p.col(i) = size * (Eigen::Vector3d((0.4 + 0.25 * m) * std::cos(angle),
                                            (0.4 + 0.25 * m) * std::sin(angle), 0.0) +
-                           kSigma * Eigen::Vector3d(rng.Normal(), rng.Normal(), rng.Normal()));
+                           kSigma * NormalVector(&rng));
       s.cov.col(i) << v, 0, 0, v, 0, v;
     }
     o.marks.push_back(std::move(s));
@@ -136,8 +136,8 @@ TEST(ExplanationsOfLongRecords, AreTheSame) {
       const double part = at - static_cast<double>(k);
       many.t.push_back(mark.t[static_cast<std::size_t>(k)] * (1.0 - part) +
                        mark.t[static_cast<std::size_t>(k) + 1] * part);
-      many.p.col(i) = mark.p.col(k) * (1.0 - part) + mark.p.col(k + 1) * part +
-                      kSigma * Eigen::Vector3d(rng.Normal(), rng.Normal(), rng.Normal());
+      many.p.col(i) =
+          mark.p.col(k) * (1.0 - part) + mark.p.col(k + 1) * part + kSigma * NormalVector(&rng);
       many.cov.col(i) = mark.cov.col(k);
     }
     longer.marks.push_back(std::move(many));

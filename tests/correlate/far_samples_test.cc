@@ -6,7 +6,7 @@
 #include <cmath>
 #include <set>
 
-#include "base/random.h"
+#include "base/random_vector.h"
 
 namespace unfurl::correlate::far_samples_test {
 namespace {
@@ -56,7 +56,7 @@ TEST(FarSamples, AreFoundAndNothingElse) {
     for (std::size_t i = 0; i < o.marks[0].size(); ++i) {
       if (rng.Uniform() > 0.05) continue;
       at.insert(i);
-      Eigen::Vector3d off(rng.Normal(), rng.Normal(), rng.Normal());
+      Eigen::Vector3d off = NormalVector(&rng);
       o.marks[0].p.col(static_cast<Eigen::Index>(i)) += 0.2 * off.normalized();
     }
     std::set<std::size_t> found;

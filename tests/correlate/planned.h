@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "base/random_vector.h"
 #include "correlate/design/planned_trial.h"
 #include "tests/correlate/fit_repeats.h"
 #include "tests/correlate/two_link.h"
@@ -76,8 +77,7 @@ inline Observations Recorded(const PlannedContent& content, const Choice& choice
     for (Eigen::Index i = 0; i < n; ++i) {
       const double t = series.t[static_cast<std::size_t>(i)] - trial.offset;
       const Eigen::Vector3d y = TwoLink::Position(TwoLink::Truth(), series.name, std::max(0.0, t));
-      series.p.col(i) =
-          trial.X_WM * y + trial.sigma * Eigen::Vector3d(rng.Normal(), rng.Normal(), rng.Normal());
+      series.p.col(i) = trial.X_WM * y + trial.sigma * NormalVector(&rng);
       series.cov.col(i) << v, 0.0, 0.0, v, 0.0, v;
     }
     out.marks.push_back(std::move(series));

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "base/random.h"
+#include "base/random_vector.h"
 #include "correlate/compare/comparison.h"
 
 namespace unfurl::correlate::signal_id_test {
@@ -32,8 +32,7 @@ data::Tracks Swing(const std::vector<std::string>& names, double sigma, std::uin
       tracks.t.push_back(t);
       tracks.mark.push_back(m);
       tracks.status.push_back(data::SampleStatus::kGood);
-      tracks.p.col(3 * i + m) =
-          p[m] + sigma * Eigen::Vector3d(rng.Normal(), rng.Normal(), rng.Normal());
+      tracks.p.col(3 * i + m) = p[m] + sigma * NormalVector(&rng);
       for (int row : {0, 3, 5}) tracks.cov(row, 3 * i + m) = sigma * sigma;
     }
   }

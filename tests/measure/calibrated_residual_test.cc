@@ -5,6 +5,7 @@
 #include <cmath>
 #include <vector>
 
+#include "base/random_vector.h"
 #include "base/statistics.h"
 #include "measure/triangulate.h"
 #include "tests/measure/fixtures.h"
@@ -71,7 +72,7 @@ TEST(CalibratedResidual, GoodReadingsFailAsOftenAsStatedWhateverTheCalibrationsE
   for (int i = 0; i < kDraws; ++i) {
     Eigen::VectorXd z(root.cols());
     for (Eigen::Index j = 0; j < z.size(); ++j) z(j) = rng.Normal();
-    const Eigen::Vector3d p(rng.Uniform(-0.8, 0.8), rng.Uniform(-0.8, 0.8), rng.Uniform(-0.8, 0.8));
+    const Eigen::Vector3d p = UniformVector(&rng, -0.8, 0.8);
     const std::vector<double> u = Read(Shifted(rig, root * z), p, &rng);
     const auto outcome = with.Solve(u, s, p).outcome;
     ASSERT_TRUE(outcome == PointOutcome::kSolved || outcome == PointOutcome::kDisagree);
@@ -98,7 +99,7 @@ TEST(CalibratedResidual, IsTheJointLeastSquares) {
   for (int i = 0; i < 8; ++i) {
     Eigen::VectorXd z(root.cols());
     for (Eigen::Index j = 0; j < z.size(); ++j) z(j) = rng.Normal();
-    const Eigen::Vector3d p(rng.Uniform(-0.8, 0.8), rng.Uniform(-0.8, 0.8), rng.Uniform(-0.8, 0.8));
+    const Eigen::Vector3d p = UniformVector(&rng, -0.8, 0.8);
     const std::vector<double> u = Read(Shifted(rig, root * z), p, &rng);
     const PointSolution point = triangulator.Solve(u, s, p);
     Eigen::MatrixXd A = Eigen::MatrixXd::Zero(n + root.cols(), 3 + root.cols());

@@ -187,7 +187,6 @@ SampleError ErrorOf(const data::Tracks& tracks, std::size_t i, const Eigen::Vect
 
 ScatterReport ScatterOf(const data::Rig& rig, const data::TrialReadings& readings,
                         double sigma_px) {
-  constexpr int kMarks = 4;  // slots beyond are dark
   const std::size_t cameras = readings.cameras.size();
   HealthEvidence evidence(cameras, readings.size());
   std::vector<HealthEvidence::Reading> line(cameras);

@@ -6,7 +6,7 @@
 #include <string>
 
 #include "base/pose.h"
-#include "base/random.h"
+#include "base/random_vector.h"
 #include "measure/camera_bank.h"
 #include "measure/camera_model.h"
 
@@ -136,7 +136,7 @@ TEST(Lens, TheBankHoldsUnlikeLenses) {
   }
   const CameraBank bank(cameras);
   for (int trial = 0; trial < 20; ++trial) {
-    const Eigen::Vector3d p(rng.Uniform(-1, 1), rng.Uniform(-1, 1), rng.Uniform(-1, 1));
+    const Eigen::Vector3d p = UniformVector(&rng, -1, 1);
     std::vector<double> u(bank.lanes(), 0.0), w(bank.lanes(), 0.0), read(bank.lanes());
     Eigen::Matrix3d JwJ = Eigen::Matrix3d::Zero();
     Eigen::Vector3d Jwr = Eigen::Vector3d::Zero();

@@ -8,7 +8,7 @@
 #include <Eigen/LU>
 #include <cmath>
 
-#include "base/random.h"
+#include "base/random_vector.h"
 
 namespace unfurl::measure::motion_test {
 namespace {
@@ -66,7 +66,7 @@ TEST(Motion, BetweenDoesNotKnowTheDirectionOfTime) {
   Motion before, behind;
   for (int k = 0; k <= 20; ++k) {
     const double t = kStep * k, s = 0.16 - kStep * k + 20 * kStep;
-    const Eigen::Vector3d noise = 1e-4 * Eigen::Vector3d(rng.Normal(), rng.Normal(), rng.Normal());
+    const Eigen::Vector3d noise = 1e-4 * NormalVector(&rng);
     before.Add(t, Path(t) + noise, kVariance);
     behind.Add(-s, Path(s) + 0.5 * noise, kVariance);
   }

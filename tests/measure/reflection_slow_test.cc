@@ -1,7 +1,7 @@
 // Mirrors of any kind, through glass.
 #include <gtest/gtest.h>
 
-#include "base/random.h"
+#include "base/random_vector.h"
 #include "tests/measure/reflection.h"
 
 namespace unfurl::measure::reflection_slow_test {
@@ -13,8 +13,8 @@ TEST(ReflectionSlow, MirrorsAnywhere) {
   ReflectionScore score;
   for (std::uint64_t seed = 1; seed <= 40; ++seed) {
     Rng rng(seed);
-    Eigen::Vector3d towards(rng.Normal(), rng.Normal(), rng.Normal());
-    Eigen::Vector3d normal(rng.Normal(), rng.Normal(), rng.Normal());
+    Eigen::Vector3d towards = NormalVector(&rng);
+    Eigen::Vector3d normal = NormalVector(&rng);
     data::LabReflection mirror;
     mirror.disc.centre = rng.Uniform(1.2, 2.2) * towards.normalized();
     mirror.disc.normal = normal.normalized();

@@ -7,7 +7,7 @@
 #include <cmath>
 #include <limits>
 
-#include "base/random.h"
+#include "base/random_vector.h"
 #include "base/statistics.h"
 
 namespace unfurl::measure::smooth_test {
@@ -41,7 +41,7 @@ Recorded Record(std::size_t n, double dt, std::uint64_t seed, const Path& path) 
     tracks.mark.push_back(0);
     tracks.status.push_back(data::SampleStatus::kGood);
     out.truth.col(col) = path(tracks.t.back());
-    const Eigen::Vector3d z(rng.Normal(), rng.Normal(), rng.Normal());
+    const Eigen::Vector3d z = NormalVector(&rng);
     tracks.p.col(col) = out.truth.col(col) + L * z;
     tracks.cov.col(col) << C(0, 0), C(0, 1), C(0, 2), C(1, 1), C(1, 2), C(2, 2);
   }
@@ -71,7 +71,7 @@ struct WhiteJerk {
       p += dt * v + 0.5 * dt * dt * a;
       v += dt * a;
       for (int k = 0; k < 3; ++k) {
-        const Eigen::Vector3d z(rng.Normal(), rng.Normal(), rng.Normal());
+        const Eigen::Vector3d z = NormalVector(&rng);
         const Eigen::Vector3d kick = L * z;
         p(k) += kick(0);
         v(k) += kick(1);

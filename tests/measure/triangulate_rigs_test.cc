@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <vector>
 
+#include "base/random_vector.h"
 #include "measure/triangulate.h"
 #include "tests/measure/fixtures.h"
 
@@ -23,10 +24,10 @@ std::vector<double> Readings(const data::Rig& rig, const Eigen::Vector3d& p) {
 data::Rig ShellRig(Rng& rng) {
   data::Rig rig = ShippedRig();
   for (data::RigCamera& camera : rig.cameras) {
-    Eigen::Vector3d from(rng.Normal(), rng.Normal(), rng.Normal());
+    Eigen::Vector3d from = NormalVector(&rng);
     from *= rng.Uniform(2.8, 3.6) / from.norm();
     const Eigen::Vector3d Z = -from.normalized();
-    const Eigen::Vector3d any(rng.Normal(), rng.Normal(), rng.Normal());
+    const Eigen::Vector3d any = NormalVector(&rng);
     const Eigen::Vector3d X = (any - any.dot(Z) * Z).normalized();
     camera.p_WC = from;
     camera.R_CW.row(0) = X.transpose();
@@ -116,8 +117,7 @@ TEST(Triangulate, PointsReachTheBoundOnFiveHundredRigs) {
     const Triangulator triangulator(rig);
     double rig_squared = 0.0, rig_bound = 0.0;
     for (int i = 0; i < kPoints; ++i) {
-      const Eigen::Vector3d truth(rng.Uniform(-1.0, 1.0), rng.Uniform(-1.0, 1.0),
-                                  rng.Uniform(-1.0, 1.0));
+      const Eigen::Vector3d truth = UniformVector(&rng, -1.0, 1.0);
       std::vector<double> u = Readings(rig, truth), s(4);
       Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
       for (std::size_t c = 0; c < 4; ++c) {

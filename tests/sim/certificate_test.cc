@@ -316,8 +316,9 @@ TEST(Certificate, LoadsThatNobodyKnows) {
     RecordOptions options;
     const Recording run = CertifyFile(path, {quantity}, &options);
     const std::vector<Certificate::Unknown> unknown = options.certificate->Unknowns(run.report);
-    ASSERT_FALSE(unknown.empty());
-    EXPECT_NE(unknown[0].name.find(".peak_pin_force"), std::string::npos);
+    EXPECT_TRUE(std::any_of(unknown.begin(), unknown.end(), [](const Certificate::Unknown& one) {
+      return one.name.find(".peak_pin_force") != std::string::npos;
+    }));
     EXPECT_GT(run.report.near_dependence, 0);
     EXPECT_TRUE(Contains(run.report.warnings, "not known: the tolerance leaves"));
     const bool named = quantity == std::string("ground1.pin_force");

@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "base/random.h"
+#include "base/random_vector.h"
 #include "data/atomic_file.h"
 #include "data/study.h"
 #include "data/tracks.h"
@@ -82,7 +82,7 @@ class LadderCoverageTest : public ::testing::Test {
     std::vector<Eigen::Index> next(tracks.marks.size(), 0);
     for (Eigen::Index i = 0; i < n; ++i) {
       const auto mark = static_cast<std::size_t>(tracks.mark[static_cast<std::size_t>(i)]);
-      const Eigen::Vector3d noise(rng.Normal(), rng.Normal(), rng.Normal());
+      const Eigen::Vector3d noise = NormalVector(&rng);
       tracks.p.col(i) = turn * truth.marks[mark].p.col(next[mark]++) +
                         Eigen::Vector3d(1.0, -2.0, 3.0) + sigma * noise;
       for (const int row : {0, 3, 5}) tracks.cov(row, i) = sigma * sigma;
