@@ -103,6 +103,11 @@ function(unfurl_test_options name level)
     $<$<CXX_COMPILER_ID:GNU>:-fpch-preprocess>)  # or ccache keeps nothing of them
 endfunction()
 
+# Files of tests that compute much themselves: reference integrations, tracers, a thousand regular expressions.
+function(unfurl_computing_tests)
+  set_source_files_properties(${ARGN} PROPERTIES COMPILE_OPTIONS -O2 SKIP_PRECOMPILE_HEADERS ON)
+endfunction()
+
 # The rooms that a program is linked from come whole and before its own objects: of a template that both have the linker
 # takes the first, and would have the rooms' compute with the tests' -O0.
 function(unfurl_rooms_first program)
