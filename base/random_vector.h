@@ -6,9 +6,9 @@
 
 namespace unfurl {
 
-// Three independent draws. In what order the arguments of a constructor
-// are drawn each compiler decides for itself, and one seed gave two laboratories: z comes first
-// here, as the shipped recordings, made by g++, have it.
+// Three independent draws, z first. In what order a constructor's arguments are drawn each compiler
+// decides for itself, and one seed gave two laboratories; this is g++'s order, by which the shipped
+// recordings were made.
 inline Eigen::Vector3d NormalVector(Rng* rng) {  // of mean 0 and variance 1
   Eigen::Vector3d out;
   for (Eigen::Index k = 3; k-- > 0;) out(k) = rng->Normal();

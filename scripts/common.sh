@@ -58,8 +58,6 @@ configure_and_build() {
   shift
   start=$(now_ms)
   heading "Building, preset $preset"
-  say "  cmake --preset $preset && cmake --build --preset $preset${1:+ --target $*}"
-  [[ -e $root/build/$preset/build.ninja ]] || say "  (the first time takes some minutes)"
   # A whole build takes less where sources are compiled together, and by clang little over half of what it takes by g++;
   # a build that is there stays as it is, CXX names another compiler, and sanitizers are g++'s.
   local -a quick=()
@@ -69,6 +67,9 @@ configure_and_build() {
       quick+=(-DCMAKE_C_COMPILER=clang -DCMAKE_CXX_COMPILER=clang++)
     fi
   fi
+  say "  $(as_typed cmake --preset "$preset" "${quick[@]}" "${options[@]}") &&" \
+    "cmake --build --preset $preset${1:+ --target $*}"
+  [[ -e $root/build/$preset/build.ninja ]] || say "  (the first time takes some minutes)"
   quietly "$root/build/$preset/configure.log" cmake -S "$root" --preset "$preset" "${cache[@]}" "${quick[@]}" \
     "${options[@]}"
   local -a build=(cmake --build "$root/build/$preset" --parallel "${UNFURL_JOBS:-$(nproc)}")

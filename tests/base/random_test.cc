@@ -5,6 +5,7 @@
 #include <cmath>
 #include <vector>
 
+#include "base/random_vector.h"
 #include "base/statistics.h"
 
 namespace unfurl::random_test {
@@ -29,6 +30,14 @@ TEST(Rng, StreamsDoNotDependOnWhatWasDrawnBefore) {
   EXPECT_EQ(a.Stream("noise", 3).Uniform(), b.Stream("noise", 3).Uniform());
   EXPECT_NE(a.Stream("noise", 3).Uniform(), b.Stream("noise", 4).Uniform());
   EXPECT_NE(a.Stream("noise", 3).Uniform(), b.Stream("pose", 3).Uniform());
+}
+
+// By which the shipped recordings were made, whatever compiler made this.
+TEST(Rng, VectorsAreDrawnFromTheLast) {
+  Rng a(7), b(7);
+  const Eigen::Vector3d normal = NormalVector(&a), uniform = UniformVector(&a, -2.0, 3.0);
+  for (const Eigen::Index k : {2, 1, 0}) EXPECT_EQ(normal(k), b.Normal());
+  for (const Eigen::Index k : {2, 1, 0}) EXPECT_EQ(uniform(k), b.Uniform(-2.0, 3.0));
 }
 
 TEST(Rng, NormalHasItsFirstFourMoments) {
