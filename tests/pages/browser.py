@@ -27,6 +27,7 @@ class Browser:
         os.close(to_read)
         os.close(to_write)
         self._number, self._rest, self.wrong, self.requests = 0, b"", [], []
+        self._seen = None
         target = self._send("Target.createTarget", url="about:blank")["targetId"]
         self._session = None
         self._session = self._send("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
@@ -120,6 +121,7 @@ class Browser:
     def open(self, uri: str, width: int = 1100, height: int = 900, dark: bool = False, drawn: bool = True):
         """Loads a page afresh, with nothing held against it yet; waits until it is drawn, which one that reads itself
         again may never be."""
+        self._seen = None
         self.wrong, self.requests = [], []
         self._send("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
         scheme = "dark" if dark else "light"
@@ -134,6 +136,12 @@ class Browser:
         # Whatever a script asked to be drawn has been.
         if drawn:
             self.run("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
+
+    def look(self, uri: str, **how):
+        """As open(), but a page that the last look loaded so stays: for tests that leave it as it is."""
+        if self._seen != (uri, how):
+            self.open(uri, **how)
+            self._seen = (uri, how)
 
     def run(self, script: str):
         """The value of an expression, awaited."""

@@ -12,7 +12,15 @@ from browser import Browser
 
 NAMES = ("simulate", "correlate", "plan", "modes", "calibrate", "check", "reconstruct", "live", "wand",
          "effects", "cost", "campaign", "ambient", "moment", "fit", "design")
+# Of a page there is most to see on a desk, and most to go wrong on a telephone in the dark.
+WHERE = {"desk": {"width": 1100, "dark": False}, "telephone, dark": {"width": 390, "dark": True}}
 PROGRAM, CHROMIUM = os.environ["UNFURL_PROGRAM"], os.environ["UNFURL_CHROMIUM"]
+
+
+def pytest_collection_modifyitems(items):
+    """Tests of one page in one place after one another: they share its loading (Browser.look)."""
+    items.sort(key=lambda item: [str(getattr(item, "callspec", None) and item.callspec.params.get(what, ""))
+                                 for what in ("name", "where")])
 
 
 @pytest.fixture(scope="session")

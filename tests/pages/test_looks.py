@@ -2,7 +2,7 @@
 
 import pytest
 
-from conftest import NAMES
+from conftest import NAMES, WHERE
 
 TEXT = """function (of) {
   return Array.from(document.querySelectorAll(of)).map(e => e.textContent);
@@ -22,8 +22,9 @@ def test_charts_zoom_together_beside_a_motion(browser, pages):
 
 
 @pytest.mark.parametrize("name", ["simulate", "correlate", "reconstruct"])
-def test_keys_of_drawings_are_keys_on_a_telephone(browser, pages, name):
-    browser.open(pages[name].as_uri(), width=390)
+@pytest.mark.parametrize("where", ["telephone, dark"])
+def test_keys_of_drawings_are_keys_on_a_telephone(browser, pages, name, where):
+    browser.look(pages[name].as_uri(), **WHERE[where])
     sizes = browser.run("""Array.from(document.querySelectorAll('.paths .legend svg')).map(e => {
       const box = e.getBoundingClientRect();
       return [box.width, box.height]; })""")
@@ -31,19 +32,26 @@ def test_keys_of_drawings_are_keys_on_a_telephone(browser, pages, name):
 
 
 @pytest.mark.parametrize("name", ["simulate", "correlate", "calibrate", "campaign"])
-def test_what_is_wider_than_a_telephone_says_so(browser, pages, name):
-    browser.open(pages[name].as_uri(), width=390)
+@pytest.mark.parametrize("where", ["telephone, dark"])
+def test_what_is_wider_than_a_telephone_says_so(browser, pages, name, where):
+    browser.look(pages[name].as_uri(), **WHERE[where])
     found = browser.run("""Array.from(document.querySelectorAll('.table, .drawing')).map(e => [
       e.scrollWidth > e.clientWidth + 1, getComputedStyle(e, '::before').content.includes('sideways'),
       e.tabIndex >= 0 || e.scrollWidth <= e.clientWidth + 1])""")
     assert any(wide for wide, _, _ in found)
     assert all(wide == says and reached for wide, says, reached in found)
-    browser.open(pages[name].as_uri(), width=1400)
+
+
+@pytest.mark.parametrize("name", ["simulate", "correlate", "calibrate", "campaign"])
+@pytest.mark.parametrize("where", ["desk"])
+def test_drawings_need_not_be_moved_on_a_desk(browser, pages, name, where):
+    browser.look(pages[name].as_uri(), **WHERE[where])
     assert browser.run("document.querySelectorAll('.drawing.scrolls').length") == 0
 
 
-def test_values_and_units_stand_on_one_line(browser, pages):
-    browser.open(pages["effects"].as_uri(), width=1100)
+@pytest.mark.parametrize("name, where", [("effects", "desk")])
+def test_values_and_units_stand_on_one_line(browser, pages, name, where):
+    browser.look(pages[name].as_uri(), **WHERE[where])
     heights = browser.run("""Array.from(document.querySelectorAll('td:not(.prose), .unit')).map(e =>
         e.getClientRects().length === 1 && e.offsetHeight < 40)""")
     assert heights and all(heights)
@@ -64,10 +72,10 @@ CONTRAST = """function (a, b) {
 }"""
 
 
-@pytest.mark.parametrize("dark", [False, True])
+@pytest.mark.parametrize("where", WHERE)
 @pytest.mark.parametrize("name", ["simulate", "correlate", "calibrate", "campaign"])
-def test_curves_and_words_are_seen_on_the_ground(browser, pages, name, dark):
-    browser.open(pages[name].as_uri(), dark=dark)
+def test_curves_and_words_are_seen_on_the_ground(browser, pages, name, where):
+    browser.look(pages[name].as_uri(), **WHERE[where])
     # Graphics need 3 to 1, small words 4.5 (WCAG 2.1, 1.4.11 and 1.4.3); on white the palette's yellow and light blue
     # have 2.2, of Okabe and Ito, and are told by their keys.
     curves, words, grounds = browser.run("""(function () {
@@ -84,7 +92,7 @@ def test_curves_and_words_are_seen_on_the_ground(browser, pages, name, dark):
       const grounds = Array.from(document.querySelectorAll('.drawing svg')).map(e => getComputedStyle(e).backgroundColor);
       return [curves, words, grounds];
     })()""" % CONTRAST)
-    pale = {} if dark else {"#e69f00", "#56b4e9"}
+    pale = {} if WHERE[where]["dark"] else {"#e69f00", "#56b4e9"}
     assert {c: v for c, v in curves.items() if v < 3 and c.split()[0] not in pale} == {}
     assert min(words, default=21) >= 4.5
     assert set(grounds) <= {"rgba(0, 0, 0, 0)"}
@@ -122,8 +130,9 @@ def test_paper_has_the_colours_of_paper(browser, pages, paper):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_page_is_as_wide_as_paper(browser, pages, paper, name):
-    browser.open(pages[name].as_uri(), dark=True)
+@pytest.mark.parametrize("where", ["desk"])
+def test_a_page_is_as_wide_as_paper(browser, pages, paper, name, where):
+    browser.look(pages[name].as_uri(), **WHERE[where])
     paper()
     # Of 210 and 216 mm some 700 px are left between margins; what is wider makes a browser shrink every word.
     wide = browser.run("""Array.from(document.querySelectorAll('body *')).filter(e =>
@@ -141,27 +150,30 @@ def test_a_page_is_as_wide_as_paper(browser, pages, paper, name):
     assert browser.wrong == []
 
 
-def test_a_verdict_keeps_its_colour_on_paper(browser, pages, paper):
-    browser.open(pages["simulate"].as_uri())
+@pytest.mark.parametrize("name, where", [("simulate", "desk")])
+def test_a_verdict_keeps_its_colour_on_paper(browser, pages, paper, name, where):
+    browser.look(pages[name].as_uri(), **WHERE[where])
     colour = "getComputedStyle(document.querySelector('.words.good')).borderLeftColor"
     before = browser.run(colour)
     paper()
     assert browser.run(colour) == before
 
 
-def test_words_of_events_stand_above_the_curves(browser, pages):
-    for width in (1100, 390):
-        browser.open(pages["simulate"].as_uri(), width=width)
-        free = browser.run("""unfurlCharts.time.map(chart => {
-          const area = chart.getArea(), data = JSON.parse(document.querySelector(
-              'script.chart-data[data-plot="' + chart.maindiv_.id + '"]').textContent);
-          const highest = Math.max(...data.series.map(s => Math.max(...s.y.filter(v => v !== null))));
-          return data.markers.length ? chart.toDomYCoord(highest) - area.y : 99; })""")
-        assert min(free) >= 16  # pixels: one event, one row of words
+@pytest.mark.parametrize("name", ["simulate"])
+@pytest.mark.parametrize("where", WHERE)
+def test_words_of_events_stand_above_the_curves(browser, pages, name, where):
+    browser.look(pages[name].as_uri(), **WHERE[where])
+    free = browser.run("""unfurlCharts.time.map(chart => {
+      const area = chart.getArea(), data = JSON.parse(document.querySelector(
+          'script.chart-data[data-plot="' + chart.maindiv_.id + '"]').textContent);
+      const highest = Math.max(...data.series.map(s => Math.max(...s.y.filter(v => v !== null))));
+      return data.markers.length ? chart.toDomYCoord(highest) - area.y : 99; })""")
+    assert min(free) >= 16  # pixels: one event, one row of words
 
 
-def test_logarithmic_axes_count_in_powers_of_ten(browser, pages):
-    browser.open(pages["correlate"].as_uri())
+@pytest.mark.parametrize("name, where", [("correlate", "desk")])
+def test_logarithmic_axes_count_in_powers_of_ten(browser, pages, name, where):
+    browser.look(pages[name].as_uri(), **WHERE[where])
     assert browser.run("unfurlTicks(3e-6, 2e3, true, 9)") == pytest.approx([10.0 ** k for k in range(-5, 4)])
     assert browser.run("unfurlTicks(1, 100, true, 20)") == [1, 2, 5, 10, 20, 50, 100]
     assert browser.run("unfurlTicks(0.31, 0.38, true, 5)") == pytest.approx([0.32, 0.34, 0.36, 0.38])
@@ -170,8 +182,9 @@ def test_logarithmic_axes_count_in_powers_of_ten(browser, pages):
         assert len(browser.run(f"unfurlTicks({nonsense})")) <= 100
 
 
-def test_one_sample_is_seen_and_has_a_place(browser, pages):
-    browser.open(pages["moment"].as_uri())
+@pytest.mark.parametrize("name, where", [("moment", "desk")])
+def test_one_sample_is_seen_and_has_a_place(browser, pages, name, where):
+    browser.look(pages[name].as_uri(), **WHERE[where])
     found = browser.run("""unfurlCharts.time.map(chart => {
       const area = chart.getArea(), x = chart.toDomXCoord(0);
       return [x - area.x > 20 && area.x + area.w - x > 20, chart.getOption('drawPoints', 's0'),
@@ -180,8 +193,9 @@ def test_one_sample_is_seen_and_has_a_place(browser, pages):
     assert browser.wrong == []
 
 
-def test_labels_of_the_axis_leave_its_title_alone(browser, pages):
-    browser.open(pages["moment"].as_uri())
+@pytest.mark.parametrize("name, where", [("moment", "desk")])
+def test_labels_of_the_axis_leave_its_title_alone(browser, pages, name, where):
+    browser.look(pages[name].as_uri(), **WHERE[where])
     # Numbers such as 1.94e-13, wider than most.
     overlaps = browser.run("""Array.from(document.querySelectorAll('.plot')).map(plot => {
       const title = plot.querySelector('.dygraph-ylabel').getBoundingClientRect();
@@ -194,8 +208,9 @@ def test_labels_of_the_axis_leave_its_title_alone(browser, pages):
 
 
 @pytest.mark.parametrize("name", ["fit", "moment"])
-def test_nothing_is_drawn_beside_the_axis(browser, pages, name):
-    browser.open(pages[name].as_uri())
+@pytest.mark.parametrize("where", ["desk"])
+def test_nothing_is_drawn_beside_the_axis(browser, pages, name, where):
+    browser.look(pages[name].as_uri(), **WHERE[where])
     drawn = browser.run("""Object.values(unfurlChartsById).map(chart => {
       const canvas = chart.graphDiv.querySelector('canvas'), dots = canvas.width / canvas.clientWidth;
       const wide = Math.floor((chart.getArea().x - 2) * dots);
@@ -204,9 +219,10 @@ def test_nothing_is_drawn_beside_the_axis(browser, pages, name):
     assert drawn and set(drawn) == {0}
 
 
-def test_a_record_alone_is_a_line_and_a_page_of_a_size(browser, pages):
-    browser.open(pages["ambient"].as_uri())
-    assert pages["ambient"].stat().st_size < 3e6
+@pytest.mark.parametrize("name, where", [("ambient", "desk")])
+def test_a_record_alone_is_a_line_and_a_page_of_a_size(browser, pages, name, where):
+    browser.look(pages[name].as_uri(), **WHERE[where])
+    assert pages[name].stat().st_size < 3e6
     styles = browser.run("""Array.from(document.querySelectorAll('script.chart-data')).map(b => JSON.parse(b.textContent))
         .filter(d => d.x.title === 'time [s]').map(d => d.series.map(s => s.style))""")
     assert len(styles) == 6 and all(style == ["line"] for style in styles)
@@ -214,8 +230,9 @@ def test_a_record_alone_is_a_line_and_a_page_of_a_size(browser, pages):
     assert "MAC" not in heads and not any("reference" in head for head in heads)
 
 
-def test_modes_are_bent_before_they_play(browser, pages):
-    browser.open(pages["modes"].as_uri())
+@pytest.mark.parametrize("name, where", [("modes", "desk")])
+def test_modes_are_bent_before_they_play(browser, pages, name, where):
+    browser.look(pages[name].as_uri(), **WHERE[where])
     # Of the first frame the second half of a period away is the mirror's: far from it where it is bent.
     apart = browser.run("""unfurlPlayers.map((player, k) => {
       const canvas = document.querySelectorAll('.motion canvas')[k], data = JSON.parse(
@@ -239,8 +256,9 @@ def test_long_tables_scroll_beneath_their_head_and_print_whole(browser, pages):
         browser.paper(False)
 
 
-def test_bands_of_a_share_end_where_it_does(browser, pages):
-    browser.open(pages["campaign"].as_uri())
+@pytest.mark.parametrize("name, where", [("campaign", "desk")])
+def test_bands_of_a_share_end_where_it_does(browser, pages, name, where):
+    browser.look(pages[name].as_uri(), **WHERE[where])
     ranges = browser.run("""Object.values(unfurlChartsById).filter(c => c.getOption('ylabel') === 'part of the runs')
         .map(c => c.yAxisRange())""")
     assert ranges and all(low > -0.1 and high < 1.1 for low, high in ranges)

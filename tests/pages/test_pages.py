@@ -6,18 +6,18 @@ from xml.etree import ElementTree
 
 import pytest
 
-from conftest import NAMES, PROGRAM
+from conftest import NAMES, PROGRAM, WHERE
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def axe(browser):
     return browser.axe()
 
 
 @pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("width, dark", [(1100, False), (390, True)])
-def test_opens_without_errors_requests_or_overflow(browser, pages, axe, name, width, dark):
-    browser.open(pages[name].as_uri(), width=width, dark=dark)
+@pytest.mark.parametrize("where", WHERE)
+def test_opens_without_errors_requests_or_overflow(browser, pages, axe, name, where):
+    browser.look(pages[name].as_uri(), **WHERE[where])
     assert browser.wrong == [] and browser.requests == [pages[name].as_uri()]
     # Wide tables and pictures scroll in their own frames.
     assert browser.run("document.documentElement.scrollWidth - window.innerWidth") <= 0
@@ -34,16 +34,18 @@ def test_opens_without_errors_requests_or_overflow(browser, pages, axe, name, wi
 
 
 @pytest.mark.parametrize("name", ["calibrate", "check", "correlate", "reconstruct"])
-def test_residuals_are_drawn_as_people_judge_them(browser, pages, name):
-    browser.open(pages[name].as_uri())
+@pytest.mark.parametrize("where", ["desk"])
+def test_residuals_are_drawn_as_people_judge_them(browser, pages, name, where):
+    browser.look(pages[name].as_uri(), **WHERE[where])
     titles = browser.run("Array.from(document.querySelectorAll('h2,h3,figcaption,caption')).map(e => e.textContent)")
     for wanted in ["Against a normal distribution", "Residuals by"]:
         assert any(title.startswith(wanted) for title in titles), titles
     assert any("neighbours" in title or "utocorrelation" in title for title in titles), titles
 
 
-def test_charts_of_time_say_so(browser, pages):
-    browser.open(pages["simulate"].as_uri())
+@pytest.mark.parametrize("name, where", [("simulate", "desk")])
+def test_charts_of_time_say_so(browser, pages, name, where):
+    browser.look(pages[name].as_uri(), **WHERE[where])
     labels = browser.run("Array.from(document.querySelectorAll('.dygraph-xlabel')).map(e => e.textContent)")
     assert labels and set(labels) == {"time [s]"}
 
@@ -139,8 +141,9 @@ def test_modes_swing_for_ever(browser, pages):
     assert found["time"] < 0.98 and "Pause" in found["plays"]
 
 
-def test_measured_marks_lie_over_the_simulated_ones(browser, pages):
-    browser.open(pages["correlate"].as_uri())
+@pytest.mark.parametrize("name, where", [("correlate", "desk")])
+def test_measured_marks_lie_over_the_simulated_ones(browser, pages, name, where):
+    browser.look(pages[name].as_uri(), **WHERE[where])
     marks = browser.run(
         "JSON.parse(document.querySelector('script.motion-data').textContent).marks.map(m => [m.name, m.measured])")
     assert ["tip", False] in marks and ["tip, measured", True] in marks
@@ -148,9 +151,10 @@ def test_measured_marks_lie_over_the_simulated_ones(browser, pages):
     assert "tip, measured" in keys
 
 
-@pytest.mark.parametrize("dark, paper", [(False, "rgb(255, 255, 255)"), (True, "rgb(27, 33, 42)")])
-def test_dark_and_light(browser, pages, dark, paper):
-    browser.open(pages["simulate"].as_uri(), dark=dark)
+@pytest.mark.parametrize("name", ["simulate"])
+@pytest.mark.parametrize("where, paper", zip(WHERE, ["rgb(255, 255, 255)", "rgb(27, 33, 42)"]))
+def test_dark_and_light(browser, pages, name, where, paper):
+    browser.look(pages[name].as_uri(), **WHERE[where])
     assert browser.run("getComputedStyle(document.querySelector('.panel')).backgroundColor") == paper
     corner = browser.run("""Array.from(document.querySelector('.motion canvas').getContext('2d')
                             .getImageData(2, 2, 1, 1).data).slice(0, 3)""")
@@ -219,8 +223,9 @@ SPACES = ("plan", "calibrate", "check", "reconstruct")
 
 
 @pytest.mark.parametrize("name", SPACES)
-def test_a_rig_stands_in_space(browser, pages, name):
-    browser.open(pages[name].as_uri())
+@pytest.mark.parametrize("where", ["desk"])
+def test_a_rig_stands_in_space(browser, pages, name, where):
+    browser.look(pages[name].as_uri(), **WHERE[where])
     found = browser.run("""(function () {
       const space = unfurlSpaces[0], data = JSON.parse(document.querySelector('script.space-data').textContent);
       const visible = e => e && e.getClientRects().length > 0;
