@@ -22,7 +22,7 @@ using testing::TracedLab;
 #ifdef UNFURL_SLOW_TESTS
 constexpr std::size_t kLabs = 100;  // 500 checks of rigs that stand, some 550 of shifted cameras
 #else
-constexpr std::size_t kLabs = 2;
+constexpr std::size_t kLabs = 1;
 #endif
 constexpr int kDraws = 5;        // of a check, with one calibration
 constexpr int kPlacements = 15;  // of a bar half as long as the volume

@@ -87,9 +87,10 @@ TEST(Convergence, FromNoGuessOverRandomRigs) { EXPECT_EQ(Successes(16), 16U); }
 
 // 5% of the readings anywhere on the sensor and 3% of the points displaced by centimetres.
 TEST(GrossErrors, AreSurvivedAndFound) {
+  constexpr std::size_t kStudies = 4;
   std::atomic<int> planted{0}, found{0}, false_alarms{0}, good{0};
-  std::vector<double> clean_squares(8), gross_squares(8);
-  ParallelFor(8, 0, [&](std::size_t k) {
+  std::vector<double> clean_squares(kStudies), gross_squares(kStudies);
+  ParallelFor(kStudies, 0, [&](std::size_t k) {
     const auto seed = static_cast<std::uint64_t>(k + 1);
     Study study = MakeStudy(seed);
     const Eigen::Matrix3Xd check = CheckPoints(seed);
@@ -122,11 +123,11 @@ TEST(GrossErrors, AreSurvivedAndFound) {
   EXPECT_GE(found, 0.95 * planted);
   EXPECT_LE(false_alarms, 0.01 * good);
   double clean = 0.0, gross = 0.0;
-  for (std::size_t k = 0; k < 8; ++k) {
+  for (std::size_t k = 0; k < kStudies; ++k) {
     clean += clean_squares[k] * clean_squares[k];
     gross += gross_squares[k] * gross_squares[k];
   }
-  // 8% fewer data alone cost 4%; the rest is the scatter of eight pairs.
+  // 8% fewer data alone cost 4%; the rest is the scatter of the pairs.
   EXPECT_LT(std::sqrt(gross / clean), 1.2);
 }
 

@@ -16,7 +16,7 @@
 namespace unfurl::calib::gross_names_test {
 namespace {
 
-constexpr std::size_t kLabs = testing::Labs(3, 60);
+constexpr std::size_t kLabs = testing::Labs(2, 60);
 constexpr int kPoints = 150;
 
 struct Tally {

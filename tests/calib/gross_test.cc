@@ -24,7 +24,7 @@ using testing::Study;
 #ifdef UNFURL_SLOW_TESTS
 constexpr std::size_t kRigs = 100;
 #else
-constexpr std::size_t kRigs = 6;
+constexpr std::size_t kRigs = 3;
 #endif
 
 enum class Where { kSurvey, kReadings, kReadingsAnywhere };

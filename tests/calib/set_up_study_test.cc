@@ -118,15 +118,15 @@ TEST(SetUpMonteCarlo, EstimatesAndErrorBarsAreTrueOverManySurveys) {
 #else
 
 TEST(SetUpMonteCarlo, EstimatesAndErrorBarsAreTrue) {
-  const Totals none = TryMany(16, 100, 0.0, false);
-  ExpectHonest(none, 16);
-  EXPECT_LT(none.off, kLevel + 4.0 * std::sqrt(kLevel * (1.0 - kLevel) / 16.0));
-  EXPECT_NEAR(none.low, kLow, 4.0 * std::sqrt(kLow * (1.0 - kLow) / 16.0));
-  const Totals three = TryMany(8, 100, 3.0, true);
-  ExpectHonest(three, 8);
+  const Totals none = TryMany(8, 100, 0.0, false);
+  ExpectHonest(none, 8);
+  EXPECT_LT(none.off, kLevel + 4.0 * std::sqrt(kLevel * (1.0 - kLevel) / 8.0));
+  EXPECT_NEAR(none.low, kLow, 4.0 * std::sqrt(kLow * (1.0 - kLow) / 8.0));
+  const Totals three = TryMany(4, 100, 3.0, true);
+  ExpectHonest(three, 4);
   EXPECT_EQ(three.off, 1.0);
   EXPECT_GT(three.rig_alone, 3.0);  // why there is a column
-  ExpectHonest(TryMany(8, 200, 10.0, false), 8);
+  ExpectHonest(TryMany(4, 200, 10.0, false), 4);
 }
 
 #endif  // UNFURL_SLOW_TESTS

@@ -21,7 +21,7 @@ using testing::FindCheckPoints;
 using ::testing::HasSubstr;
 using testing::TracedLab;
 
-constexpr std::size_t kLabs = testing::Labs(4, 60);
+constexpr std::size_t kLabs = testing::Labs(3, 60);
 
 struct Tally {
   double clean = 0.0, gross = 0.0;  // squared errors of found points [m^2]

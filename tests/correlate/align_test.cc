@@ -6,6 +6,7 @@
 #include "correlate/align/body_angle.h"
 #include "correlate/compare/metrics.h"
 #include "tests/correlate/two_link.h"
+#include "tests/repeats.h"
 
 namespace unfurl::correlate::align_test {
 namespace {
@@ -90,10 +91,10 @@ TEST(Align, FindsOffsetAndFrameOfAnExactRecord) {
 }
 
 TEST(Align, ScatterOverSeedsIsWhatItPredicts) {
-  constexpr int kSeeds = 80;
+  const int seeds = Repeats(30, 80);
   const SampledModel reference = Reference();
   std::vector<double> z_offset, z_rotation, chi2;
-  for (int seed = 0; seed < kSeeds; ++seed) {
+  for (int seed = 0; seed < seeds; ++seed) {
     const Trial trial = TiltedTrial();
     const Alignment a = Align(NoisyTrial(trial, 100 + static_cast<std::uint64_t>(seed)), reference);
     ASSERT_TRUE(a.Usable()) << a.message;
@@ -104,27 +105,27 @@ TEST(Align, ScatterOverSeedsIsWhatItPredicts) {
     chi2.push_back(a.chi2_per_dof);
   }
   // Variance of n normalised errors: 1 within four of its own standard deviations, sqrt(2/n).
-  const double band = 4.0 * std::sqrt(2.0 / kSeeds);
+  const double band = 4.0 * std::sqrt(2.0 / seeds);
   EXPECT_NEAR(Variance(z_offset), 1.0, band);
   EXPECT_NEAR(Variance(z_rotation), 1.0, band);
-  EXPECT_NEAR(Mean(z_offset), 0.0, 4.0 / std::sqrt(kSeeds));
+  EXPECT_NEAR(Mean(z_offset), 0.0, 4.0 / std::sqrt(seeds));
   EXPECT_NEAR(Mean(chi2), 1.0, 0.01);
 }
 
 TEST(Align, CorrelatedNoiseWidensTheStandardErrorsAsItShould) {
-  constexpr int kSeeds = 80;
+  const int seeds = Repeats(30, 80);
   const SampledModel reference = Reference();
   Trial trial = TiltedTrial();
   trial.rho = 0.9;
   std::vector<double> z, white;
-  for (int seed = 0; seed < kSeeds; ++seed) {
+  for (int seed = 0; seed < seeds; ++seed) {
     const Alignment a = Align(NoisyTrial(trial, 500 + static_cast<std::uint64_t>(seed)), reference);
     ASSERT_TRUE(a.Usable());
     EXPECT_FALSE(a.noise.white());
     z.push_back((a.at.offset - trial.offset) / a.Sigma("time offset"));
     white.push_back((a.at.offset - trial.offset) / a.white_sigma(6));
   }
-  EXPECT_NEAR(Variance(z), 1.0, 4.0 * std::sqrt(2.0 / kSeeds));
+  EXPECT_NEAR(Variance(z), 1.0, 4.0 * std::sqrt(2.0 / seeds));
   EXPECT_GT(Variance(white), 2.0);  // what ignoring the correlation would claim
 }
 
@@ -148,7 +149,7 @@ TEST(Align, TakesTracksAsReferenceWithTheirOwnNoise) {
   second.offset = -2.25;
   second.X_WM.linear() = RotationFromVector({0.1, 0.2, -2.0});
   std::vector<double> z;
-  constexpr int kSeeds = 40;
+  constexpr int kSeeds = 15;
   for (std::uint64_t seed = 0; seed < kSeeds; ++seed) {
     Observations b = NoisyTrial(second, 900 + seed);
     for (MarkSeries& m : b.marks) {  // the gap: 0.3 s lost
@@ -237,7 +238,7 @@ TEST(Align, AReferenceThatDoesNotFitIsAlignedWithoutBendingTheCalibration) {
 }
 
 TEST(Align, ClockDriftIsFoundWithItsStandardError) {
-  constexpr int kSeeds = 40;  // align_slow_test.cc: 1000, against the Cramer-Rao bound
+  constexpr int kSeeds = 15;  // align_slow_test.cc: 1000, against the Cramer-Rao bound
   const SampledModel reference = Reference(4.2);
   AlignOptions options;
   options.registration.fit_drift = true;

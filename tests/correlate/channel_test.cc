@@ -209,11 +209,11 @@ TEST(Channel, BadRecordsAreNamed) {
 
 // 1000 repeats with the label slow.
 TEST(ChannelFit, AnAccelerometerAloneGainAndBiasUnknown) {
-  ExpectHonest(RepeatAccelerometer(200, 100, true));
+  ExpectHonest(RepeatAccelerometer(60, 100, true));
 }
 
 TEST(ChannelFit, NoiseThatNobodyStatedIsFound) {
-  constexpr int kSeeds = 200;
+  constexpr int kSeeds = 60;
   const Coverage c = RepeatAccelerometer(kSeeds, 5000, false);
   ExpectHonest(c);
   for (const auto& z : c.z) EXPECT_NEAR(Variance(z), 1.0, 4.0 * std::sqrt(2.0 / kSeeds));

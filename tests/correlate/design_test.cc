@@ -178,7 +178,9 @@ TEST(Contributions, CamerasShareASampleAsItsCovarianceSays) {
   // Five cameras with readings of unlike errors; covariances are what these make of a point.
   const double sigma[] = {1e-4, 2e-4, 1e-4, 5e-5, 1e9};  // the last one sees nothing [m]
   const Eigen::Vector3d sights[] = {{1, 0, 0.3}, {0, 1, 0.2}, {0.5, -0.4, 1}, {1, 1, 1}, {1, 0, 0}};
-  Fitted f(TiltedTrial(), 8, TwoLink::Marks());
+  Trial trial = TiltedTrial();
+  trial.step = 0.02;
+  Fitted f(trial, 8, TwoLink::Marks());
   Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
   for (int c = 0; c < 5; ++c) {
     information += sights[c] * sights[c].transpose() / (sigma[c] * sigma[c]);

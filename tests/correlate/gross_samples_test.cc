@@ -92,7 +92,7 @@ Tally Repeat(double share, double size, int seeds, bool known = false) {
 // seeds beside that of the same seeds without is printed, and beside that with the planted ones
 // taken out.
 TEST(GrossSamples, AreNamedAndTheIntervalsHold) {
-  const int seeds = Repeats(15, 60);
+  const int seeds = Repeats(8, 60);
   const Tally clean = Repeat(0.0, 1.0, seeds);
   ASSERT_EQ(clean.usable, seeds);
   EXPECT_EQ(clean.wrongly, 0u);

@@ -23,7 +23,7 @@ class Kinked : public TwoLink {
 // What is solved with is one side's slope; what is said of the noise is said of the same slope, or
 // a noise that is a little stronger takes more information away than there is.
 TEST(Kink, StandardErrorsAreNumbersWhereTheNoiseHasAMemory) {
-  constexpr int kSeeds = 8;
+  constexpr int kSeeds = 4;
   int kinks = 0;
   for (std::uint64_t seed = 0; seed < kSeeds; ++seed) {
     Trial trial = SparseTrial();

@@ -8,6 +8,7 @@
 #include "base/statistics.h"
 #include "correlate/align/align.h"
 #include "tests/correlate/fit_repeats.h"
+#include "tests/repeats.h"
 
 namespace unfurl::correlate::placement_test {
 namespace {
@@ -210,7 +211,7 @@ class Hub : public Model {
 
 // From a start at which nothing looks alike: half a swing in place of two.
 TEST(Placement, MarksOnTheHubAloneAreFittedWhenTheTriggerIsKnown) {
-  constexpr std::size_t kSeeds = 40;
+  const auto seeds = static_cast<std::size_t>(Repeats(16, 40));
   constexpr double k95 = 1.959964, kTrigger = 1e-3;
   const std::vector<double> truth = {0.55, 0.9};
   std::size_t usable = 0, found = 0, held[2] = {0, 0}, held_of_found[2] = {0, 0};
@@ -222,7 +223,7 @@ TEST(Placement, MarksOnTheHubAloneAreFittedWhenTheTriggerIsKnown) {
       hold[j] += std::abs(e.value - truth[j]) <= k95 * e.sigma ? 1 : 0;
     }
   };
-  for (std::uint64_t seed = 0; seed < kSeeds; ++seed) {
+  for (std::uint64_t seed = 0; seed < seeds; ++seed) {
     Rng rng(400 + seed);
     Trial trial = SparseTrial();
     trial.sigma = 1e-4;
@@ -242,7 +243,7 @@ TEST(Placement, MarksOnTheHubAloneAreFittedWhenTheTriggerIsKnown) {
     data.placement.offset = Prior::Normal(trial.offset + kTrigger * rng.Normal(), kTrigger);
     count(Fit(problem, options), &usable, held);
   }
-  EXPECT_EQ(usable, kSeeds);
+  EXPECT_EQ(usable, seeds);
   for (int j = 0; j < 2; ++j) {
     EXPECT_GE(BinomialInterval(held[j], usable, 0.999).second, 0.95) << held[j];
     // Without it some may find nothing to align, and what is found is right.
@@ -270,12 +271,12 @@ Observations SparseData(std::uint64_t seed) {
 }
 
 TEST(ClockDrift, IsTakenIntoAFitWhenTheDataCallForIt) {
-  constexpr int kSeeds = 30;
+  const int seeds = Repeats(10, 30);
   constexpr double kDrift = 1e-3, k95 = 1.959964;
   int called = 0, falsely = 0, held[2] = {0, 0};
   std::vector<double> z;
-  for (std::uint64_t seed = 0; seed < kSeeds; ++seed) {
-    const Observations data = SparseData(600 + seed);
+  for (int seed = 0; seed < seeds; ++seed) {
+    const Observations data = SparseData(600 + static_cast<std::uint64_t>(seed));
     falsely += FitTwoLink(data).trials[0].drift.called ? 1 : 0;
     const FitResult fit = FitTwoLink(WithDrift(data, kDrift));
     ASSERT_TRUE(fit.Usable()) << fit.message;
@@ -290,12 +291,15 @@ TEST(ClockDrift, IsTakenIntoAFitWhenTheDataCallForIt) {
       held[j] += std::abs(e.value - TwoLink::Truth()[j]) <= k95 * e.sigma ? 1 : 0;
     }
   }
-  EXPECT_EQ(called, kSeeds);
-  EXPECT_LE(falsely, 2);  // of 30, at a probability of 0.009 each
-  EXPECT_NEAR(Mean(z), 0.0, 4.0 / std::sqrt(kSeeds));
-  EXPECT_NEAR(Variance(z), 1.0, 4.0 * std::sqrt(2.0 / kSeeds));
+  EXPECT_EQ(called, seeds);
+  EXPECT_LE(falsely, 2);  // of 30 at most, at a probability of 0.009 each
+  EXPECT_NEAR(Mean(z), 0.0, 4.0 / std::sqrt(seeds));
+  EXPECT_NEAR(Variance(z), 1.0, 4.0 * std::sqrt(2.0 / seeds));
   for (int j = 0; j < 2; ++j) {
-    EXPECT_GE(BinomialInterval(static_cast<std::size_t>(held[j]), kSeeds, 0.999).second, 0.95);
+    EXPECT_GE(
+        BinomialInterval(static_cast<std::size_t>(held[j]), static_cast<std::size_t>(seeds), 0.999)
+            .second,
+        0.95);
   }
 }
 

@@ -33,7 +33,7 @@ TEST(WrongModel, TheSecondWritingOfTheArmIsTheSimulatorsWithItsLaw) {
 }
 
 TEST(WrongModel, AnotherContactLawIsRejectedAndTheRightOneIsNot) {
-  constexpr int kSeeds = 2, kOthers = 2;  // the slow test has a hundred of each law
+  constexpr int kSeeds = 1, kOthers = 1;  // the slow test has a hundred of each law
   const WrongModelCount right = CountWrong(FitToLaw(StopLaw::kScene, kSeeds, 11), 4);
   EXPECT_EQ(right.Outcome(Explained::kNo), 0) << right.Words(Pendulum::Parameters());
   EXPECT_EQ(right.determined, 4 * kSeeds) << right.Words(Pendulum::Parameters());
