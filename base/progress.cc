@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstdio>
 
 namespace unfurl {
@@ -25,11 +26,21 @@ void Progress::Update(double fraction, const std::string& note) {
   std::int64_t last = last_ms_.load();
   if (now_ms - last < 200 || !last_ms_.compare_exchange_strong(last, now_ms)) return;
   drawn_ = true;
-  const double left = fraction > 0.0 ? elapsed * (1.0 - fraction) / fraction : 0.0;
-  const std::string line = fmt::format("\r\033[K{} {:3.0f} %  {:.0f} s, {:.0f} s left  {}", label_,
-                                       100.0 * fraction, elapsed, left, note);
-  std::fputs(line.c_str(), stderr);
+  std::fputs(("\r\033[K" + ProgressLine(label_, fraction, elapsed, note)).c_str(), stderr);
   std::fflush(stderr);
+}
+
+std::string ProgressLine(const std::string& label, double fraction, double elapsed,
+                         const std::string& note) {
+  constexpr double kMost = 0.99;  // all of it is when it ends
+  std::string left;
+  if (fraction > 1.0) {
+    left = ", longer than expected";
+  } else if (fraction > 0.0) {
+    left = fmt::format(", {:.0f} s left", elapsed * (1.0 - fraction) / fraction);
+  }
+  return fmt::format("{} {:3.0f} %  {:.0f} s{}  {}", label,
+                     100.0 * std::clamp(fraction, 0.0, kMost), elapsed, left, note);
 }
 
 }  // namespace unfurl

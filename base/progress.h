@@ -26,7 +26,8 @@ class Progress {
   Progress(const Progress&) = delete;
   Progress& operator=(const Progress&) = delete;
 
-  // `fraction` in [0, 1]; `note` such as "best so far 1.03". Throws Interrupted after Ctrl-C.
+  // `fraction` of what is expected, more than 1 where it takes longer; `note` such as "best so far
+  // 1.03". Throws Interrupted after Ctrl-C.
   void Update(double fraction, const std::string& note = {});
 
  private:
@@ -36,5 +37,10 @@ class Progress {
   std::atomic<std::int64_t> last_ms_{-1000};
   std::atomic<bool> drawn_{false};
 };
+
+// "fit  40 %  12 s, 18 s left  best so far 1.03"; before anything is done, and where it takes
+// longer than expected, nobody knows what is left. `elapsed`: [s].
+std::string ProgressLine(const std::string& label, double fraction, double elapsed,
+                         const std::string& note);
 
 }  // namespace unfurl

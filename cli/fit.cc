@@ -165,9 +165,9 @@ int FitVerb(const Common& common, const FitSettings& s) {
   };
   Progress progress("fit", talk);
   options.progress = [&](const correlate::FitProgress& at) {
-    const double done = static_cast<double>(at.evaluations) /
-                        static_cast<double>(std::max(at.expected, at.evaluations + 1));
-    progress.Update(std::min(0.99, done), ProgressNote(at, study.parameters));
+    progress.Update(static_cast<double>(at.evaluations) /
+                        static_cast<double>(std::max<std::size_t>(at.expected, 1)),
+                    ProgressNote(at, study.parameters));
   };
   const auto seconds = [start] {
     return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();

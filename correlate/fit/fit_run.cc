@@ -20,8 +20,8 @@ namespace unfurl::correlate {
 
 namespace {
 
-// Of deviance: a point of a profile that is lower by less is the same minimum, known to less than a
-// standard error.
+// Of deviance, beside what correlated residuals add to its scale: a point of a profile that is lower
+// by less is the same minimum, known to less than a standard error.
 constexpr double kBetter = 1.0;
 
 // Returns to a lower point of a profile. Each lowers the cost by at least half of kBetter, so the
@@ -330,8 +330,10 @@ bool FitRun::GoToBetterPoint() {
   }
   result_.returns = returns_;
   result_.profile_below = lowest != nullptr ? std::max(0.0, -lowest->deviance) : 0.0;
-  if (lowest == nullptr || result_.profile_below <= kBetter || !FarFrom(lowest->theta))
+  if (lowest == nullptr || result_.profile_below <= kBetter * dispersion ||
+      !FarFrom(lowest->theta)) {
     return false;
+  }
   if (returns_ < kMostReturns) {
     ++returns_;
     best_->Restart(lowest->theta);

@@ -39,9 +39,11 @@ bool StageRunner::Polish(const std::vector<Evaluator::Request>& beside) {
 }
 
 void StageRunner::Draw() {
-  constexpr int kRounds = 14;      // kForget^14 < 1e-3: the spread has left its start behind
-  constexpr double kWide = 3.0;    // standard errors drawn at first
-  constexpr double kSpread = 1.0;  // of the best quarter's costs: below, the floor is reached
+  constexpr int kRounds = 14;    // kForget^14 < 1e-3: the spread has left its start behind
+  constexpr double kWide = 3.0;  // standard errors drawn at first
+  // Of the best quarter's costs: below, the floor is reached. Sigmas are to be scaled by a misfit,
+  // so that its mean square is the scale of the costs.
+  constexpr double kSpread = 1.0;
   constexpr double kForget = 0.6;  // of the old spread, each round
   const auto p = static_cast<Eigen::Index>(u_.size());
   const Eigen::MatrixXd projected = reduced_->Project(point_, slopes_.Rows(*reduced_));
@@ -95,7 +97,8 @@ void StageRunner::Draw() {
     best = order.front().first;
     u_ = std::vector<double>(*order.front().second);
     if (on_best) on_best(best, Values(problem_.parameters, u_.data()));
-    if (spread < kSpread) break;
+    const double mean_square = 2.0 * best / static_cast<double>(point_.residual.size());
+    if (spread < kSpread * std::max(1.0, mean_square)) break;
   }
 }
 
