@@ -29,8 +29,13 @@ std::string LengthText(double metres) {
 }
 
 bool ParseLength(std::string_view text, double* metres) {
-  constexpr std::array<LengthUnit, 5> kUnits = {
-      {{"nm", 1e9}, {"um", 1e6}, {"mm", 1e3}, {"cm", 1e2}, {"m", 1.0}}};
+  constexpr std::array<LengthUnit, 7> kUnits = {{{"nm", 1e9},
+                                                 {"um", 1e6},
+                                                 {"mm", 1e3},
+                                                 {"cm", 1e2},
+                                                 {"m", 1.0},
+                                                 {"ft", 1.0 / 0.3048},
+                                                 {"in", 1.0 / 0.0254}}};
   text = Trim(text);
   double scale = 1.0;
   for (const LengthUnit& unit : kUnits) {

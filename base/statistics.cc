@@ -28,6 +28,7 @@ double FisherQuantile(double p, double over, double under) {
 }
 
 double ChiSquareTail(double x, double degrees_of_freedom) {
+  if (std::isinf(x) && x > 0.0) return 0.0;  // boost knows no limit
   return bm::cdf(bm::complement(bm::chi_squared(degrees_of_freedom), x));
 }
 

@@ -12,6 +12,7 @@
 #include "base/error.h"
 #include "base/length.h"
 #include "base/refuse_option.h"
+#include "calib/bar_slips.h"
 #include "calib/check_causes.h"
 #include "calib/check_design.h"
 #include "calib/check_points.h"
@@ -360,14 +361,18 @@ CheckResult CheckBar(const data::Rig& rig, const Observations& data, const Bar& 
   const auto make = [&](const data::Rig& there, const Observations& readings) {
     return DesignOfBar(there, readings, match, bar, start);
   };
+  CheckResult result;
+  result.options = options;
+  CheckEachLength(data, found, bar, &result);
+  for (const Slip& slip :
+       {FindBarUnitSlip(result.points, bar), FindBarSlip(rig, data, match, bar)}) {
+    if (slip.found) throw Error(slip.what, where, slip.remedy);
+  }
   const CheckDesign design = make(rig, data);
   if (design.misfit.size() == 0) {
     throw Error("no placement of the bar has more readings than its two ends need", where,
                 "place the bar where three cameras or more see both ends");
   }
-  CheckResult result;
-  result.options = options;
-  CheckEachLength(data, found, bar, &result);
   const auto whole = FoundOf(result);
   const std::string lengths =
       whole > 0 ? fmt::format(" ({} RMS from {:.6g} m, {} predicted)", LengthText(result.rms),

@@ -36,12 +36,13 @@ struct Placement {
 class Placer {
  public:
   Placer(const data::Rig& rig, const Observations& data, const std::vector<std::size_t>& match,
-         const Bar& bar)
-      : rig_(rig), data_(data), match_(match), bar_(bar) {}
+         double length)
+      : rig_(rig), data_(data), match_(match), length_(length) {}
 
-  // False where a place lies behind a camera, or both are one.
+  // False where a place lies behind a camera, or both are one. `length`: as it is stated.
   bool At(const std::vector<std::size_t>& readings, int first,
-          const Eigen::Matrix<double, 6, 1>& places, double seating, Placement* out) const {
+          const Eigen::Matrix<double, 6, 1>& places, double length, double seating,
+          Placement* out) const {
     const auto m = static_cast<Eigen::Index>(readings.size());
     out->misfit.resize(m + 1);
     out->weight.resize(m + 1);
@@ -61,12 +62,12 @@ class Placer {
           w * h.du_dc;
     }
     const Eigen::Vector3d along = places.tail<3>() - places.head<3>();
-    const double length = along.norm();
-    if (!(length > 0.0)) return false;
-    out->weight(m) = 1.0 / (seating * bar_.length);
-    out->misfit(m) = out->weight(m) * (bar_.length - length);
-    out->by_places.block<1, 3>(m, 0) = -out->weight(m) * along.transpose() / length;
-    out->by_places.block<1, 3>(m, 3) = out->weight(m) * along.transpose() / length;
+    const double apart = along.norm();
+    if (!(apart > 0.0)) return false;
+    out->weight(m) = 1.0 / (seating * length);
+    out->misfit(m) = out->weight(m) * (length - apart);
+    out->by_places.block<1, 3>(m, 0) = -out->weight(m) * along.transpose() / apart;
+    out->by_places.block<1, 3>(m, 3) = out->weight(m) * along.transpose() / apart;
     return true;
   }
 
@@ -84,7 +85,7 @@ class Placer {
   double Descend(const std::vector<std::size_t>& readings, int first, double seating,
                  Eigen::Matrix<double, 6, 1>* places) const {
     Placement here, there;
-    if (!At(readings, first, *places, seating, &here)) {
+    if (!At(readings, first, *places, length_, seating, &here)) {
       return std::numeric_limits<double>::infinity();
     }
     double square = here.misfit.squaredNorm(), damping = 1e-3;
@@ -94,7 +95,7 @@ class Placer {
       A.diagonal() *= 1.0 + damping;
       A.diagonal().array() += 1e-12 * A.trace();
       const Eigen::Matrix<double, 6, 1> step = A.ldlt().solve(b);
-      const bool better = At(readings, first, *places + step, seating, &there) &&
+      const bool better = At(readings, first, *places + step, length_, seating, &there) &&
                           there.misfit.squaredNorm() <= square;
       if (!better) {
         damping *= 10.0;
@@ -105,7 +106,7 @@ class Placer {
       here = there;
       square = here.misfit.squaredNorm();
       damping *= 0.1;
-      if (step.norm() < kConverged * bar_.length) break;
+      if (step.norm() < kConverged * length_) break;
     }
     return square;
   }
@@ -113,8 +114,25 @@ class Placer {
   const data::Rig& rig_;
   const Observations& data_;
   const std::vector<std::size_t>& match_;
-  const Bar& bar_;
+  double length_;  // which the ends are held apart by [m]
 };
+
+// The length about which misfits are made linear: as stated, or where the ends were found plainly
+// elsewhere, as found. By a hundredth of a length readings are linear to some hundredths of a
+// pixel; held apart by a tenth too much, ends are where the length alone explains no readings any
+// more.
+double LengthOf(const Eigen::Matrix3Xd& start, const Bar& bar) {
+  constexpr double kLinear = 0.01;    // of the length [-]
+  constexpr std::size_t kEnough = 3;  // placements whose median is none of a wrong reading
+  std::vector<double> found;
+  for (Eigen::Index i = 0; i + 1 < start.cols(); i += 2) {
+    const double apart = (start.col(i + 1) - start.col(i)).norm();
+    if (std::isfinite(apart)) found.push_back(apart);
+  }
+  if (found.size() < kEnough) return bar.length;
+  const double length = Median(found);
+  return length > 0.0 && std::abs(length / bar.length - 1.0) > kLinear ? length : bar.length;
+}
 
 // Where the two ends are: from where both were found; unless that fits, from each and along the
 // axes to the other, too. Three planes that bend may meet twice, and where they meet at small
@@ -152,7 +170,8 @@ Eigen::Matrix<double, 6, 1> FindEnds(const Placer& placer, const std::vector<std
 CheckDesign DesignOfBar(const data::Rig& rig, const Observations& data,
                         const std::vector<std::size_t>& match, const Bar& bar,
                         const Eigen::Matrix3Xd& start) {
-  const Placer placer(rig, data, match, bar);
+  const double about = LengthOf(start, bar);
+  const Placer placer(rig, data, match, about);
   const Eigen::Vector3d middle = 0.5 * (rig.volume_low + rig.volume_high);
   const int placements = data.points() / 2;
   const auto all = static_cast<Eigen::Index>(data.readings.size());
@@ -174,10 +193,9 @@ CheckDesign DesignOfBar(const data::Rig& rig, const Observations& data,
       design.point.push_back(data.readings[k].point);
     }
     if (mine.size() < 6) continue;  // with the length, as many as there are unknowns or fewer
-    const Eigen::Matrix<double, 6, 1> places =
-        FindEnds(placer, mine, 2 * i, bar.length, middle, start);
+    const Eigen::Matrix<double, 6, 1> places = FindEnds(placer, mine, 2 * i, about, middle, start);
     Placement at;
-    if (!placer.At(mine, 2 * i, places, kSeating, &at)) continue;
+    if (!placer.At(mine, 2 * i, places, bar.length, kSeating, &at)) continue;
     // What the data say beyond the two places: the left null space of their derivative.
     const Eigen::JacobiSVD<Eigen::MatrixXd> svd(at.by_places, Eigen::ComputeFullU);
     const Eigen::VectorXd& s = svd.singularValues();

@@ -6,6 +6,7 @@
 #include <numeric>
 
 #include "base/error.h"
+#include "base/statistics.h"
 
 namespace unfurl::calib {
 
@@ -30,6 +31,27 @@ void RefuseCopiedRows(const MeasuredRows& measured, const std::string& where) {
                   measured.names[first],
                   copies > 1 ? fmt::format(" ({} {}s are such)", copies, measured.kind) : ""),
       where, "give each measurement once");
+}
+
+void RefuseStillCameras(const Observations& data, const std::string& where) {
+  // Of the row, what nine tenths of the readings lie within: a mark that is moved as little by all
+  // places tells no camera [-].
+  constexpr double kStill = 1e-3;
+  constexpr std::size_t kTelling = 7;  // readings, as many as a pinhole has unknowns
+  std::vector<std::vector<double>> u(data.cameras.size());
+  for (const Reading& r : data.readings) u[static_cast<std::size_t>(r.camera)].push_back(r.u_px);
+  for (std::size_t c = 0; c < u.size(); ++c) {
+    if (u[c].size() < kTelling) continue;
+    const double within = Quantile(u[c], 0.95) - Quantile(u[c], 0.05);
+    if (!(within < kStill * data.RowOf(static_cast<int>(c)))) continue;
+    throw Error(
+        fmt::format("camera \"{}\" reads {:.1f} px wherever the points are (nine tenths of "
+                    "its readings lie within {:.2g} px)",
+                    data.cameras[c], Median(u[c]), within),
+        where,
+        "it follows a lamp, a reflection or a bad pixel, or is stuck: measure again, or leave "
+        "its readings out");
+  }
 }
 
 }  // namespace unfurl::calib

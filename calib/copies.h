@@ -4,6 +4,8 @@
 #include <string>
 #include <vector>
 
+#include "calib/observations.h"
+
 namespace unfurl::calib {
 
 /// What is measured several times, each time with numbers of its own.
@@ -22,5 +24,9 @@ inline constexpr std::size_t kFewestOfABar = 3 * 6;
 /// Throws Error with `where` where a row is there twice: it would count twice, and narrow every
 /// error bar.
 void RefuseCopiedRows(const MeasuredRows& measured, const std::string& where);
+
+/// Throws Error with `where` where a camera reads nearly the same of all points, wherever they are:
+/// it follows no mark.
+void RefuseStillCameras(const Observations& data, const std::string& where);
 
 }  // namespace unfurl::calib

@@ -10,6 +10,7 @@
 #include "base/error.h"
 #include "base/refuse_option.h"
 #include "base/statistics.h"
+#include "calib/copies.h"
 #include "calib/direct_transform.h"
 #include "calib/model_order.h"
 #include "measure/camera_model.h"
@@ -379,6 +380,7 @@ std::vector<CameraGuess> GuessCameras(const Observations& data, const GuessOptio
     RefuseFlat(data.p, options.flatness, "the survey's points", where);
   }
   RefuseCopies(data, options.fewest_points, where);
+  RefuseStillCameras(data, where);
   std::vector<CameraGuess> out;
   out.reserve(static_cast<std::size_t>(data.camera_count()));
   for (int j = 0; j < data.camera_count(); ++j) {

@@ -17,6 +17,9 @@ namespace {
 
 constexpr double kPlainly = 0.5;       // of the other's RMS: which way round is beyond doubt
 constexpr double kScaleChance = 1e-3;  // of a sound scale to be called off, as of a sound survey
+// Of the cameras' distances in another unit: a plan is seldom out by a quarter, and units are
+// further apart [-].
+constexpr double kPlanAlike = 0.25;
 // Over the best: explanations that are as good for all that mounting errors tell [-].
 constexpr double kAsGood = 2.0;
 
@@ -98,16 +101,8 @@ double RmsOf(const Stand& stand, const Names& names, bool mirrored) {
   return FitRigid(meant, found).rms;
 }
 
-// 1000 or 1/1000 where the cameras stand that much too near to each other or too far; else 1.
-double UnitOf(const Stand& stand) {
-  for (const double unit : {1e3, 1e-3}) {
-    const double ratio = unit * stand.arm / stand.meant_arm;
-    if (ratio > kPlainly && ratio < 1.0 / kPlainly) return unit;
-  }
-  return 1.0;
-}
-
-LayoutSlip SlipOf(double unit, bool mirrored, const Names& names, double rms) {
+LayoutSlip SlipOf(ScaleFrom from, const UnitSlip& unit, bool mirrored, const Names& names,
+                  double rms) {
   LayoutSlip out;
   out.rms = rms;
   out.mirrored = mirrored;
@@ -116,13 +111,7 @@ LayoutSlip SlipOf(double unit, bool mirrored, const Names& names, double rms) {
     out.what += (out.what.empty() ? "" : ", and ") + what;
     out.remedy += (out.remedy.empty() ? "" : "; ") + remedy;
   };
-  if (unit < 1.0) {
-    add("its coordinates are millimetres under the name of metres",
-        "state the unit in the header, as \"x [mm]\"");
-  } else if (unit > 1.0) {
-    add("its coordinates are metres under the name of millimetres",
-        "state the unit in the header, as \"x [m]\"");
-  }
+  if (unit.found) add(UnitSubject(from) + " " + unit.what, UnitRemedy(from, unit));
   if (mirrored) {
     add("the survey is left-handed: its first two columns are N, E and not E, N",
         "name them so, or exchange them");
@@ -145,17 +134,22 @@ LayoutMatch CompareLayout(const data::Rig& rig, const data::Lab& lab) {
   return match;
 }
 
-std::vector<LayoutSlip> FindLayoutSlips(const data::Rig& rig, const data::Lab& lab) {
+std::vector<LayoutSlip> FindLayoutSlips(const data::Rig& rig, const data::Lab& lab,
+                                        ScaleFrom from) {
   const Stand as_written = StandOf(rig, lab, 1.0);
-  const double unit = UnitOf(as_written);
-  const Stand stand = StandOf(rig, lab, unit);
+  const UnitSlip unit = FindUnitSlipOf(as_written.arm / as_written.meant_arm, kPlanAlike);
+  const Stand stand = StandOf(rig, lab, unit.factor);
   const std::vector<Names> all = NamesOf(rig);
   const double rms = RmsOf(as_written, all.front(), false);
   std::vector<LayoutSlip> slips;
   for (const Names& names : all) {
     for (const bool mirrored : {false, true}) {
       const double now = RmsOf(stand, names, mirrored);
-      if (now < kPlainly * rms) slips.push_back(SlipOf(unit, mirrored, names, now));
+      if (!(now < kPlainly * rms)) continue;
+      // Where the scale is off, the layout has not told a bar's rig from its mirror image.
+      const bool told = mirrored && from != ScaleFrom::kBar;
+      LayoutSlip slip = SlipOf(from, unit, told, names, now);
+      if (slip.parts > 0) slips.push_back(std::move(slip));
     }
   }
   std::stable_sort(slips.begin(), slips.end(),
@@ -200,7 +194,7 @@ LayoutScale CompareScale(const data::Rig& rig, const data::Lab& lab) {
   return out;
 }
 
-void JudgeScale(const data::Lab& lab, const std::string& what, data::Rig* rig) {
+void JudgeScale(const data::Lab& lab, ScaleFrom from, data::Rig* rig) {
   const LayoutScale scale = CompareScale(*rig, lab);
   rig->checks["layout_scale [1]"] = 1.0 + scale.strain;
   if (!scale.off) return;
@@ -209,7 +203,9 @@ void JudgeScale(const data::Lab& lab, const std::string& what, data::Rig* rig) {
       "to {}: {} is wrong, and with it the scale of everything, or the layout is",
       100.0 * std::abs(scale.strain), 100.0 * scale.sigma,
       scale.strain > 0.0 ? "nearer to" : "farther from", lab.path,
-      LengthText(lab.mounting.position), what);
+      LengthText(lab.mounting.position),
+      from == ScaleFrom::kSurvey ? "the station's scale or the survey's unit"
+                                 : "the bar's stated length");
   if (rig->verdict == kDoNotUse) {
     rig->reasons.push_back(text);
     return;
@@ -218,12 +214,12 @@ void JudgeScale(const data::Lab& lab, const std::string& what, data::Rig* rig) {
   rig->reasons.insert(rig->reasons.begin(), text);
 }
 
-void JudgeLayout(const data::Lab& lab, data::Rig* rig, const std::string& scale_from) {
+void JudgeLayout(const data::Lab& lab, data::Rig* rig, ScaleFrom from) {
   const double rms = CompareLayout(*rig, lab).rms;
   rig->checks["layout_rms [m]"] = rms;
-  const std::vector<LayoutSlip> slips = FindLayoutSlips(*rig, lab);
+  const std::vector<LayoutSlip> slips = FindLayoutSlips(*rig, lab, from);
   if (slips.empty()) {
-    JudgeScale(lab, scale_from, rig);
+    JudgeScale(lab, from, rig);
     return;
   }
   std::string what, remedy;

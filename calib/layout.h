@@ -3,6 +3,7 @@
 #include <string>
 #include <vector>
 
+#include "calib/unit_slip.h"
 #include "data/lab.h"
 #include "data/rig.h"
 
@@ -31,7 +32,9 @@ struct LayoutSlip {
   int parts = 0;       // things that are wrong at once
   bool mirrored = false;
 };
-std::vector<LayoutSlip> FindLayoutSlips(const data::Rig& rig, const data::Lab& lab);
+// The mirror image is no slip of a bar's readings, whose frame the layout gives.
+std::vector<LayoutSlip> FindLayoutSlips(const data::Rig& rig, const data::Lab& lab,
+                                        ScaleFrom from = ScaleFrom::kSurvey);
 
 // The cameras' distances against the layout's, to its mounting errors (`lab.mounting.position`) and
 // the rig's covariance: what the length of a bar, or a survey's scale, makes of them and no reading
@@ -41,12 +44,11 @@ struct LayoutScale {
   bool off = false;                  // beyond chance (0.1%); never where the layout states no error
 };
 LayoutScale CompareScale(const data::Rig& rig, const data::Lab& lab);
-// Says so, and "usable with care" at best, where it is off; `what`: what gave the scale.
-void JudgeScale(const data::Lab& lab, const std::string& what, data::Rig* rig);
+// Says so, and "usable with care" at best, where it is off.
+void JudgeScale(const data::Lab& lab, ScaleFrom from, data::Rig* rig);
 
 // Stores the match among the rig's checks; "do not use" where a slip explains how the cameras
 // stand; else the scale.
-void JudgeLayout(const data::Lab& lab, data::Rig* rig,
-                 const std::string& scale_from = "the station's scale or the survey's unit");
+void JudgeLayout(const data::Lab& lab, data::Rig* rig, ScaleFrom from = ScaleFrom::kSurvey);
 
 }  // namespace unfurl::calib

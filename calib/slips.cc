@@ -21,22 +21,34 @@ constexpr double kPlainly = 0.05;
 // Of the row: a slip of a whole file moves points by a share of the field, a bumped camera its
 // readings by far less [-].
 constexpr double kLeastMisfit = 0.01;
-constexpr int kFewest = 3;  // points: fewer may be anywhere in another frame
+// Lengths of one unit: no bar and no survey is as wrong as this; units are further apart [-].
+constexpr double kLengthsAlike = 0.05;
+constexpr std::size_t kFewest = 3;  // points: fewer may be anywhere in another frame
 // From the cameras to the volume's middle [m]: an LED is lost to a line sensor beyond some hundred
 // metres, and a lens stands further off than some centimetres.
 constexpr double kFarthest = 500.0, kNearest = 5e-3;
 
-// A change of all coordinates: place a of the changed point is sign(a) scale p(from(a)).
+// A change of all coordinates: place a of the changed point is sign(a) p(from(a)), in another unit.
 struct Change {
   std::array<int, 3> from = {0, 1, 2};
   std::array<double, 3> sign = {1.0, 1.0, 1.0};
-  double scale = 1.0;
+  UnitSlip unit = {};
 
   Eigen::Vector3d Of(const Eigen::Vector3d& p) const {
-    return scale *
+    return unit.factor *
            Eigen::Vector3d(sign[0] * p(from[0]), sign[1] * p(from[1]), sign[2] * p(from[2]));
   }
 };
+
+// Units that coordinates are tried in: exchanged or reversed ones in millimetres alone, as a file
+// is seldom wrong in two ways.
+std::vector<UnitSlip> UnitsOf(bool as_they_stand) {
+  std::vector<UnitSlip> out = {{}};
+  for (const UnitSlip& slip : UnitSlips()) {
+    if (as_they_stand || slip.factor == 1e-3 || slip.factor == 1e3) out.push_back(slip);
+  }
+  return out;
+}
 
 // What a reading should have been: of a point by a camera of the rig.
 using Reader = std::function<bool(const Reading&, std::size_t* camera, Eigen::Vector3d* p)>;
@@ -59,12 +71,7 @@ double MedianMisfit(const data::Rig& rig, const Observations& data, const Reader
 std::string WordsOf(const Change& change) {
   constexpr const char* kAxis = "xyz";
   std::vector<std::string> words;
-  if (change.scale != 1.0) {
-    words.emplace_back(change.scale < 1.0
-                           ? "the coordinates are millimetres under the name of metres"
-                           : "the coordinates are metres under the name of "
-                             "millimetres");
-  }
+  if (change.unit.found) words.push_back(UnitSubject(ScaleFrom::kSurvey) + " " + change.unit.what);
   std::string order;
   for (const int a : change.from) order += kAxis[a];
   if (order == "yzx" || order == "zxy") {
@@ -92,9 +99,10 @@ std::vector<Change> Changes() {
   std::array<int, 3> from = {0, 1, 2};
   do {
     for (int signs = 0; signs < 8; ++signs) {
-      for (const double scale : {1.0, 1e-3, 1e3}) {
-        Change change{from, {1.0, 1.0, 1.0}, scale};
-        int steps = scale == 1.0 ? 0 : 1;
+      const bool as_they_stand = signs == 0 && from == std::array<int, 3>{0, 1, 2};
+      for (const UnitSlip& unit : UnitsOf(as_they_stand)) {
+        Change change{from, {1.0, 1.0, 1.0}, unit};
+        int steps = unit.found ? 1 : 0;
         for (std::size_t a = 0; a < 3; ++a) {
           if ((signs >> a & 1) != 0) change.sign[a] = -1.0;
           steps += (signs >> a & 1) + (from[a] == static_cast<int>(a) ? 0 : 1);
@@ -119,7 +127,9 @@ class Slips {
     const double as_written = MisfitOf([&](const Reading& r) -> std::optional<Eigen::Vector3d> {
       return Eigen::Vector3d(data_.p.col(r.point));
     });
-    least_ = as_written < kLeastMisfit ? 0.0 : kPlainly * as_written;
+    // Where all misfit by a row or more a twentieth of that is still no fit: every point drawn
+    // together in one place lies amid the rows.
+    least_ = as_written < kLeastMisfit ? 0.0 : std::min(kLeastMisfit, kPlainly * as_written);
   }
 
   void TryCoordinates() {
@@ -128,8 +138,8 @@ class Slips {
         return change.Of(data_.p.col(r.point));
       });
       Propose(misfit, WordsOf(change),
-              change.scale != 1.0
-                  ? "state the unit in the header, as \"x [mm]\""
+              change.unit.found
+                  ? UnitRemedy(ScaleFrom::kSurvey, change.unit)
                   : "put the columns right: x, y, z of the frame in which the rig was surveyed, "
                     "right-handed (or name them E, N, H)");
     }
@@ -152,8 +162,7 @@ class Slips {
   void TryCameras() {
     for (std::size_t a = 0; a < match_.size() && !slip_.found; ++a) {
       for (std::size_t b = a + 1; b < match_.size() && !slip_.found; ++b) {
-        const double before = OwnMisfit(a, b, false);
-        if (before < kLeastMisfit || OwnMisfit(a, b, true) >= kPlainly * before) continue;
+        if (!Plainly(OwnMisfit(a, b, false), OwnMisfit(a, b, true))) continue;
         slip_ = {true,
                  fmt::format("the readings of cameras \"{}\" and \"{}\" are exchanged",
                              rig_.cameras[match_[a]].name, rig_.cameras[match_[b]].name),
@@ -162,9 +171,35 @@ class Slips {
     }
   }
 
+  // One camera's row from its other end, wherever that is (decision 296): reading and prediction
+  // have one sum, a row less one.
+  void TryEnds() {
+    for (std::size_t c = 0; c < match_.size() && !slip_.found; ++c) {
+      const data::RigCamera& camera = rig_.cameras[match_[c]];
+      std::vector<double> sum, off;
+      for (const Reading& r : data_.readings) {
+        double u = 0.0;
+        if (static_cast<std::size_t>(r.camera) != c ||
+            !measure::Project(camera, data_.p.col(r.point), &u)) {
+          continue;
+        }
+        sum.push_back(r.u_px + u);
+      }
+      if (sum.size() <= kFewest) continue;
+      const double end = Median(sum);
+      off.reserve(sum.size());
+      for (const double one : sum) off.push_back(std::abs(one - end) / std::max(1, camera.pixels));
+      if (!Plainly(OwnMisfit(c, c, false), Median(off))) continue;
+      slip_ = {true, RowSlipOf(camera.name), RowSlipRemedy(static_cast<int>(std::lround(end)) + 1)};
+    }
+  }
+
   const Slip& found() const { return slip_; }
 
  private:
+  static bool Plainly(double before, double after) {
+    return before >= kLeastMisfit && after < std::min(kLeastMisfit, kPlainly * before);
+  }
   // Of all readings, each at the place that `place` gives, or left aside.
   template <typename Place>
   double MisfitOf(const Place& place) const {
@@ -201,17 +236,26 @@ class Slips {
 
 }  // namespace
 
+std::string RowSlipOf(const std::string& camera) {
+  return fmt::format("the row of camera \"{}\" is read from its other end", camera);
+}
+
+std::string RowSlipRemedy(int pixels) {
+  return fmt::format("write {} less the reading", pixels - 1);
+}
+
 Slip FindSlip(const data::Rig& rig, const Observations& data,
               const std::vector<std::size_t>& match) {
-  if (data.points() < kFewest) return {};
+  if (data.points() < static_cast<int>(kFewest)) return {};
   Slips slips(rig, data, match);
   slips.TryCoordinates();
   slips.TryRows();
   slips.TryCameras();
+  slips.TryEnds();
   return slips.found();
 }
 
-Slip FindUnitSlip(const data::Rig& rig) {
+Slip FindUnitSlip(const data::Rig& rig, ScaleFrom from) {
   const Eigen::Vector3d middle = 0.5 * (rig.volume_low + rig.volume_high);
   std::vector<double> distance;
   for (const data::RigCamera& camera : rig.cameras) {
@@ -220,29 +264,15 @@ Slip FindUnitSlip(const data::Rig& rig) {
   if (distance.empty()) return {};
   const double typical = Median(distance);
   if (typical <= kFarthest && typical >= kNearest) return {};
-  const bool large = typical > kFarthest;
-  return {
-      true,
-      fmt::format(
-          "the cameras come out {} from the points: the coordinates are {}", LengthText(typical),
-          large ? "millimetres under the name of metres" : "metres under the name of millimetres"),
-      large ? "state the unit in the survey's header, as \"x [mm]\""
-            : "state the unit in the survey's header, as \"x [m]\""};
+  // Of a thousand times too large or too small, which is what makes so much of a room.
+  const UnitSlip slip = FindUnitSlipOf(typical > kFarthest ? 1e3 : 1e-3, kLengthsAlike);
+  return {true,
+          fmt::format("the cameras come out {} from the points: {} {}", LengthText(typical),
+                      UnitSubject(from), slip.what),
+          UnitRemedy(from, slip)};
 }
 
 Slip FindScaleSlip(const Eigen::Matrix3Xd& stated, const Eigen::Matrix3Xd& found) {
-  // Units that lengths are written in, in metres.
-  struct Unit {
-    const char* name;
-    double size;
-  };
-  constexpr std::array<Unit, 5> kUnits = {{{"millimetres", 1e-3},
-                                           {"centimetres", 1e-2},
-                                           {"inches", 0.0254},
-                                           {"feet", 0.3048},
-                                           {"micrometres", 1e-6}}};
-  // No bar and no survey is as wrong as this; units are further from each other [-].
-  constexpr double kAlike = 0.05;
   std::vector<double> ratio;
   for (Eigen::Index i = 0; i < stated.cols(); ++i) {
     for (Eigen::Index j = 0; j < i; ++j) {
@@ -254,18 +284,12 @@ Slip FindScaleSlip(const Eigen::Matrix3Xd& stated, const Eigen::Matrix3Xd& found
   }
   if (ratio.size() < 3) return {};
   const double times = Median(ratio);
-  for (const Unit& unit : kUnits) {
-    for (const bool large : {true, false}) {
-      const double exact = large ? 1.0 / unit.size : unit.size;
-      if (!(std::abs(times / exact - 1.0) < kAlike)) continue;
-      return {true,
-              fmt::format("are {:.3g} times as far apart as the cameras find them: {} under the "
-                          "name of {}",
-                          times, large ? unit.name : "metres", large ? "metres" : unit.name),
-              "state the unit in their header, as \"x [mm]\""};
-    }
-  }
-  return {};
+  const UnitSlip slip = FindUnitSlipOf(times, kLengthsAlike);
+  if (!slip.found) return {};
+  return {
+      true,
+      fmt::format("are {:.3g} times as far apart as the cameras find them: {}", times, slip.what),
+      fmt::format("state the unit in their header, as \"x [{}]\"", slip.unit)};
 }
 
 }  // namespace unfurl::calib

@@ -14,6 +14,7 @@
 #include "base/statistics.h"
 #include "calib/common_error.h"
 #include "calib/score_test.h"
+#include "calib/set_up.h"
 #include "calib/trend_families.h"
 
 namespace unfurl::calib {
@@ -61,15 +62,35 @@ std::vector<int> AnyOrder(int points) {
   return out;
 }
 
+// A drift of places without the rigid motion that it is of each set-up's points: of the first one's
+// that is the frame, of each other's the place of its own, which the fit finds and whose error is
+// in every error bar. One for all points would leave the frame shifted by what it moved before the
+// station was carried on, and call that harm.
+Eigen::Matrix3Xd WithoutMotions(const Observations& data, Eigen::Matrix3Xd shift) {
+  std::vector<int> of(static_cast<std::size_t>(data.points()), 0);
+  const auto set_ups = static_cast<int>(std::max<std::size_t>(data.set_ups.size(), 1));
+  for (int k = 1; k < set_ups; ++k) {
+    for (const int i : PointsOf(data, k)) of[static_cast<std::size_t>(i)] = k;
+  }
+  for (int k = 0; k < set_ups; ++k) {
+    std::vector<int> mine;
+    for (int i = 0; i < data.points(); ++i) {
+      if (of[static_cast<std::size_t>(i)] == k) mine.push_back(i);
+    }
+    shift(Eigen::all, mine) =
+        WithoutRigidMotion(data.p(Eigen::all, mine), shift(Eigen::all, mine)).eval();
+  }
+  return shift;
+}
+
 // Of the survey, and of each camera; `line` is of the points, straight over the order of measuring.
 std::vector<Trend> LookAt(const Observations& data, const ScoreTest& test,
                           const Eigen::VectorXd& line, double level) {
   std::vector<Trend> out;
-  // What is a rigid motion of all places is the frame.
   Columns survey = DriftOfSurvey(data, line).columns;
   for (Eigen::Index a = 0; a < 3; ++a) {
     survey.on_survey.middleRows(3 * a, 3) =
-        WithoutRigidMotion(data.p, survey.on_survey.middleRows(3 * a, 3));
+        WithoutMotions(data, survey.on_survey.middleRows(3 * a, 3));
   }
   const ScoreTest::Score of_survey = test.Of(survey);
   out.push_back(MostHarmful(TrendKind::kSurveyDrift, -1, of_survey.covariance,

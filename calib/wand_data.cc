@@ -97,11 +97,22 @@ PoseTimes TimesOf(const data::WandReadings& readings, const Numbered& flash) {
   return out;
 }
 
+// A column that somebody filled with one number is no time.
+void RefuseOneTime(const PoseTimes& times, const std::string& where) {
+  if (times.first.size() < 2) return;
+  const auto [least, any] = std::minmax_element(times.first.begin(), times.first.end());
+  const double last = *std::max_element(times.last.begin(), times.last.end());
+  if (!(*least == *any && last == *least) || !std::isfinite(last)) return;
+  throw Error(fmt::format("all flashes have the same time, {} s", last), where,
+              "give each its own; or leave the column out, if the bar stood still in every pose");
+}
+
 // Puts the poses in the order of time, where one is stated.
 PoseTimes OrderPoses(const data::WandReadings& readings, const Numbered& flash,
                      const std::string& where, WandData* out) {
   PoseTimes times = TimesOf(readings, flash);
   const std::size_t poses = flash.poses.size();
+  RefuseOneTime(times, where);
   std::vector<std::size_t> order(poses);
   std::iota(order.begin(), order.end(), 0);
   std::stable_sort(order.begin(), order.end(),

@@ -14,6 +14,7 @@
 #include "base/progress.h"
 #include "base/refuse_option.h"
 #include "base/statistics.h"
+#include "calib/copies.h"
 #include "calib/open_terms.h"
 #include "calib/wand_exchanged.h"
 #include "calib/wand_gross.h"
@@ -185,7 +186,9 @@ void RefineWand(const WandFitOptions& options, const std::string& where, WandFit
   }
   DropLostPoses(fit);
   RequirePoses(*fit, options, where);
-  RefitWand(options.bundle, fit);
+  BundleOptions last = options.bundle;
+  last.max_iterations = options.max_iterations;
+  RefitWand(last, fit);
 }
 
 }  // namespace
@@ -196,6 +199,7 @@ void WandFitOptions::Check() const {
   start.Check();
   if (!(gross_sigmas > 0.0)) refuse("gross_sigmas", "is not above 0", "give sigmas, as 4");
   if (rounds < 1) refuse("rounds", "is below 1", "give some");
+  if (max_iterations < 1) refuse("max_iterations", "is below 1", "give some");
   if (order >= static_cast<int>(measure::OrdersOf(guess.lens).size())) {
     refuse("order", "is none of the lens model's", "give one of measure::OrdersOf, or -1");
   }
@@ -218,6 +222,42 @@ void RefitWand(const BundleOptions& options, WandFit* fit) {
 
 namespace {
 
+Eigen::Index CameraNumbers(const WandFit& fit) {
+  return data::kCameraParameters * static_cast<Eigen::Index>(fit.state.cameras.size());
+}
+
+// Of three marks and more the readings tell how they divide the bar, much better than anybody
+// measures it. A stated distance that is wrong, held to while floors are sought, raises them until
+// the readings say less than it does; let go first, it contradicts good readings. By much, and
+// readings would be left out for it: refused. By less it is told afterwards.
+void FreeMarks(const BundleOptions& options, const std::string& where, WandFit* fit) {
+  constexpr double kAnyPlace = 0.1;    // of the bar's length: sigma of each distance meanwhile [-]
+  constexpr double kNoMeasure = 10.0;  // of the stated sigma: no error of measuring [-]
+  const Eigen::Index marks = fit->data.place.size();
+  if (marks < 3) return;
+  const double stated = fit->data.place_sigma;
+  fit->data.place_sigma = std::max(stated, kAnyPlace * fit->data.Length());
+  RobustWand(options, fit);
+  fit->data.place_sigma = stated;
+  const Eigen::VectorXd said = fit->data.place.array() - fit->data.place(0);
+  const Eigen::VectorXd place = fit->state.place.array() - fit->state.place(0);
+  const Eigen::MatrixXd C =
+      fit->system.covariance.bottomRightCorner(fit->system.covariance.rows() - CameraNumbers(*fit),
+                                               fit->system.covariance.cols() - CameraNumbers(*fit));
+  Eigen::Index far = 0;
+  said.cwiseAbs().maxCoeff(&far);
+  for (Eigen::Index m = 1; m < marks; ++m) {
+    if (m == far) continue;
+    const double ratio = place(m) / place(far), scale = said(far) / place(far);
+    Eigen::VectorXd by = Eigen::VectorXd::Zero(C.rows());
+    by(m - 1) = scale;
+    by(far - 1) = -ratio * scale;
+    const double variance = by.dot(C * by) + stated * stated * (1.0 + ratio * ratio);
+    if (!(std::abs(ratio * said(far) - said(m)) > kNoMeasure * std::sqrt(variance))) continue;
+    throw Error(ContradictionOf(fit->data, fit->state.place), where, kContradictionRemedy);
+  }
+}
+
 // The first cameras, or why there are none.
 WandSearch FirstCameras(const WandData& data, const WandData& still, const WandFitOptions& options,
                         const std::string& where) {
@@ -235,6 +275,7 @@ WandSearch FirstCameras(const WandData& data, const WandData& still, const WandF
 WandFit FitWand(const WandData& data, const WandFitOptions& options, const std::string& where) {
   options.Check();
   const WandData still = AtPoseTimes(data);
+  RefuseStillCameras(AsPoints(still, still.Length()), where);
   WandSearch search = FirstCameras(data, still, options, where);
   const WandFit& few = search.best;
   // All poses, from the cameras that a few of them gave, as if the bar stood still in each.
@@ -255,6 +296,7 @@ WandFit FitWand(const WandData& data, const WandFitOptions& options, const std::
   fit.weighting = EqualWandWeighting(fit.data, sigma[0]);
   TakeFrame(where, &fit);
   fit.weighting.hold_frame = !fit.by_points;
+  FreeMarks(options.bundle, where, &fit);
   RobustWand(options.bundle, &fit);
   // As it moved.
   std::vector<int> keep;

@@ -1,8 +1,11 @@
 #include "calib/wand_gross.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 
+#include "base/length.h"
 #include "calib/refine.h"
 #include "calib/wand_poses.h"
 
@@ -178,6 +181,20 @@ bool DropLostPoses(WandFit* fit) {
   CountLost(fit->data, lost, fit);
   *fit = KeepPoses(*fit, keep);
   return true;
+}
+
+std::string ContradictionOf(const WandData& data, const Eigen::VectorXd& place) {
+  const Eigen::VectorXd stated = data.place.array() - data.place(0);
+  Eigen::VectorXd found = place.array() - place(0);
+  Eigen::Index far = 0, worst = 0;
+  stated.cwiseAbs().maxCoeff(&far);
+  found *= stated(far) / found(far);
+  (found - stated).cwiseAbs().maxCoeff(&worst);
+  const auto name = [&](Eigen::Index m) { return data.marks[static_cast<std::size_t>(m)]; };
+  return fmt::format(
+      "the stated distances of the bar's marks contradict each other: with mark \"{}\" {} from the "
+      "first the readings have mark \"{}\" at {:.5g} mm, and not at {:.5g} mm",
+      name(far), LengthText(stated(far)), name(worst), 1e3 * found(worst), 1e3 * stated(worst));
 }
 
 }  // namespace unfurl::calib

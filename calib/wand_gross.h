@@ -1,5 +1,7 @@
 #pragma once
 
+#include <Eigen/Core>
+#include <string>
 #include <vector>
 
 #include "calib/wand_fit.h"
@@ -20,5 +22,12 @@ void CountLost(const WandData& data, const std::vector<int>& poses, WandFit* fit
 // Takes the poses of which no reading takes part any more out of data and state; they are counted
 // in `lost`. Whether there were any.
 bool DropLostPoses(WandFit* fit);
+
+// Of a bar alone the readings tell how its marks divide it, and nothing else is said of its marks'
+// distances than what is stated: which of them is wrong nobody knows. `place`: as found [m].
+std::string ContradictionOf(const WandData& data, const Eigen::VectorXd& place);
+inline constexpr char kContradictionRemedy[] =
+    "one of them is wrong, and with it the scale of everything: measure them again, and give them "
+    "in the order of the marks' names";
 
 }  // namespace unfurl::calib

@@ -11,7 +11,9 @@
 #include "base/length.h"
 #include "base/statistics.h"
 #include "base/text.h"
+#include "calib/slips.h"
 #include "calib/verdict.h"
+#include "calib/wand_gross.h"
 #include "calib/wand_search.h"
 #include "calib/wand_shape.h"
 
@@ -280,6 +282,10 @@ void JudgeStated(const WandFit& fit, const WandReport& report, const VerdictOpti
     if (!(lost > 0.01 * stated * stated)) continue;
     const double off = report.place(m) - (fit.data.place(m) - fit.data.place(0));
     if (std::abs(off) < limit * std::sqrt(lost)) continue;
+    if (fit.data.points.points() == 0) {
+      tally->no.push_back(ContradictionOf(fit.data, report.place) + "; " + kContradictionRemedy);
+      return;
+    }
     const double found = off * stated * stated / lost;  // without what was stated
     const double sigma = std::sqrt(variance * stated * stated / lost);
     tally->care.push_back(fmt::format(
@@ -313,6 +319,8 @@ void JudgeMotion(const WandFit& fit, const WandReport& report, data::Rig* rig, T
 void JudgeWand(const WandFit& fit, const std::vector<double>& sigmas, const WandReport& report,
                const VerdictOptions& options, data::Rig* rig) {
   Tally tally;
+  const Slip slip = FindUnitSlip(*rig, ScaleFrom::kBar);
+  if (slip.found) tally.no.push_back(slip.what + "; " + slip.remedy);
   JudgeRivals(fit, report, rig, &tally);
   JudgeLengths(report, options, rig, &tally);
   JudgeShape(fit, sigmas, report, options, rig, &tally);

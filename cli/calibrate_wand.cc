@@ -162,7 +162,9 @@ int RunCalibrateWand(const Common& common, const WandArguments& arguments) {
   options.progress = [&](double done) { progress.Update(done); };
   calib::WandCalibration result = calib::CalibrateWand(data, options, arguments.readings);
   if (!arguments.layout.empty()) {
-    calib::JudgeLayout(data::ReadLab(arguments.layout), &result.rig, "the bar's stated length");
+    calib::JudgeLayout(
+        data::ReadLab(arguments.layout), &result.rig,
+        result.fit.by_points ? calib::ScaleFrom::kBarWithPoints : calib::ScaleFrom::kBar);
   }
   data::WriteRig(arguments.out, result.rig, provenance);
   if (!arguments.report.empty()) {

@@ -61,6 +61,8 @@ double LengthUnit(std::string_view unit) {
   if (unit == "cm") return 1e-2;
   if (unit == "mm") return 1e-3;
   if (unit == "um") return 1e-6;
+  if (unit == "ft") return 0.3048;
+  if (unit == "in") return 0.0254;
   return 0.0;
 }
 

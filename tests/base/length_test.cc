@@ -29,11 +29,15 @@ TEST(Length, IsReadWithItsUnit) {
   EXPECT_DOUBLE_EQ(metres, 0.5e-3);
   EXPECT_TRUE(ParseLength(" 2 cm ", &metres));
   EXPECT_DOUBLE_EQ(metres, 0.02);
+  EXPECT_TRUE(ParseLength("3ft", &metres));
+  EXPECT_DOUBLE_EQ(metres, 0.9144);
+  EXPECT_TRUE(ParseLength("30 in", &metres));
+  EXPECT_DOUBLE_EQ(metres, 0.762);
   EXPECT_TRUE(ParseLength("20um", &metres));
   EXPECT_DOUBLE_EQ(metres, 20e-6);
   EXPECT_TRUE(ParseLength("1e-3", &metres));
   EXPECT_DOUBLE_EQ(metres, 1e-3);
-  for (const char* wrong : {"", "mm", "5 px", "1 in", "inf", "nan m", "0.5 mm2"}) {
+  for (const char* wrong : {"", "mm", "5 px", "1 yd", "inf", "nan m", "0.5 mm2"}) {
     EXPECT_FALSE(ParseLength(wrong, &metres)) << wrong;
   }
 }

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <limits>
 #include <vector>
 
 namespace unfurl::statistics_test {
@@ -14,6 +15,7 @@ TEST(Statistics, QuantilesEqualPrintedTables) {
   EXPECT_NEAR(NormalQuantile(0.975), 1.95996, 5e-6);
   EXPECT_NEAR(StudentQuantile(0.975, 5), 2.571, 5e-4);
   EXPECT_NEAR(ChiSquareTail(18.307, 10), 0.05, 5e-6);
+  EXPECT_EQ(ChiSquareTail(std::numeric_limits<double>::infinity(), 10), 0.0);
 }
 
 TEST(Statistics, SeveralTestsShareALevel) {

@@ -142,6 +142,19 @@ TEST(SetUp, OneThatIsNotOffAgrees) {
   EXPECT_EQ(result.rig.checks.at("set_ups_off [1]"), 0.0);
 }
 
+// One set-up after the other, as stations are carried: what a steady drift moves each of them by is
+// the frame or its own place, and nothing that might not show.
+TEST(SetUp, OneAfterTheOtherIsGood) {
+  const TracedLab lab(25);
+  Observations data = lab.Survey(120);
+  std::vector<std::string> names(120, "A");
+  for (std::size_t i = 70; i < names.size(); ++i) names[i] = "B";
+  for (Eigen::Index i = 70; i < 120; ++i) data.p.col(i).x() += 4.0 * kTracedSurvey;
+  AddSetUps(Named(data, names), "test", &data);
+  const Calibration result = Calibrate(data, {.order = kFullOrder}, "test");
+  EXPECT_EQ(result.rig.verdict, kGood) << result.rig.reasons.front();
+}
+
 // Off by a hundred sigmas: more than first order bears, and said.
 TEST(SetUp, OneThatIsFarOffIsNotGood) {
   const Calibration result = CalibrateTwo(TracedLab(27), 100.0);

@@ -56,6 +56,27 @@ TEST(Slips, MillimetresUnderTheNameOfMetres) {
   EXPECT_THAT(RefusalOf(data), HasSubstr("metres under the name of millimetres"));
 }
 
+// Coordinates that all lie near one place fit no better than a twentieth of wholly wrong ones.
+TEST(Slips, EachUnitByItsName) {
+  for (const UnitSlip& unit : UnitSlips()) {
+    Observations data = TheHall().Points();
+    data.p /= unit.factor;
+    EXPECT_THAT(RefusalOf(data),
+                AllOf(HasSubstr("the coordinates are " + unit.what), HasSubstr("x [" + unit.unit)));
+  }
+  Observations data = TheHall().Points();
+  data.p *= 70.0;
+  EXPECT_THAT(RefusalOf(data), Not(HasSubstr("under the name of")));
+}
+
+TEST(Slips, ARowFromItsOtherEnd) {
+  Observations data = TheHall().Points();
+  for (Reading& r : data.readings) r.u_px = r.camera == 2 ? 2159.0 - r.u_px : r.u_px;
+  EXPECT_THAT(RefusalOf(data),
+              AllOf(HasSubstr("the row of camera \"" + TheHall().rig.cameras[2].name),
+                    HasSubstr("write 2159 less")));
+}
+
 // Of places that were found without them, some of which are grossly wrong or not found at all.
 TEST(Slips, AnotherUnitThanTheBars) {
   Rng rng(5);
@@ -110,6 +131,20 @@ TEST(Slips, ReadingsOneRowOffInASurvey) {
     FAIL() << "fitted";
   } catch (const Error& error) {
     EXPECT_THAT(error.what(), AllOf(HasSubstr("the row before"), HasSubstr("by one row")));
+  }
+}
+
+// A lamp in place of the LED: no fault of points and no other camera's.
+TEST(Slips, ACameraThatReadsTheSameOfAllPoints) {
+  Observations data = TheHall().lab.Survey(80);
+  Rng rng(7);
+  for (Reading& r : data.readings) r.u_px = r.camera == 2 ? 700.0 + 0.02 * rng.Normal() : r.u_px;
+  try {
+    FitRig(data, {}, "survey.csv");
+    FAIL() << "fitted";
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(),
+                AllOf(HasSubstr(data.cameras[2]), HasSubstr("reads 700.0 px wherever")));
   }
 }
 
@@ -199,6 +234,10 @@ TEST(LayoutSlips, AreNamed) {
   data = sound;
   data.p *= 1e3;
   EXPECT_THAT(LayoutVerdict(data, lab), HasSubstr("millimetres under the name of metres"));
+  Observations feet = sound;
+  feet.p /= 0.3048;
+  EXPECT_THAT(LayoutVerdict(feet, lab),
+              AllOf(HasSubstr("feet under the name of metres"), HasSubstr("\"x [ft]\"")));
   data.p.row(0).swap(data.p.row(1));
   EXPECT_THAT(LayoutVerdict(data, lab),
               AllOf(HasSubstr("millimetres under the name of metres"), HasSubstr("left-handed")));

@@ -37,6 +37,13 @@ TEST(WandData, PosesComeInTheOrderOfTime) {
   EXPECT_TRUE(data.Moves());
   readings.time = {0.105, 0.30, 0.10, 0.11};
   EXPECT_THROW(MakeWandData(readings, bar, nullptr, "wand", ""), Error);  // they overlap
+  readings.time.assign(4, 0.0);
+  try {
+    MakeWandData(readings, bar, nullptr, "wand", "");
+    ADD_FAILURE() << "a column of one number was taken for times";
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(), ::testing::HasSubstr("all flashes have the same time"));
+  }
   readings.time.clear();
   EXPECT_FALSE(MakeWandData(readings, bar, nullptr, "wand", "").Moves());
   EXPECT_THROW(MakeWandData(readings, {{0.2, 0.5}, 1e-4}, nullptr, "wand", ""), Error);

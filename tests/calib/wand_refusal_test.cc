@@ -93,11 +93,72 @@ TEST(WandRefusal, EndsThatOneCameraHasExchanged) {
               HasSubstr("camera \"" + truth[1].name + "\" has marks \"a\" and \"b\" exchanged"));
 }
 
+TEST(WandRefusal, ACameraThatReadsTheSameInAllPoses) {
+  const auto truth = MakeRig({}, Rng(23));
+  WandData data = WaveBefore(truth, {.poses = 40, .half = 0.8}, Rng(23)).data;
+  Rng rng(24);
+  for (WandReading& r : data.readings)
+    r.u_px = r.camera == 1 ? 700.0 + 0.02 * rng.Normal() : r.u_px;
+  EXPECT_THAT(RefusalOf(data), HasSubstr("camera \"" + truth[1].name + "\" reads 700.0 px"));
+}
+
 TEST(WandRefusal, PointsInMillimetresUnderTheNameOfMetres) {
   const auto truth = MakeRig({}, Rng(33));
   Waved waved = WithPoints(truth, {.poses = 40, .half = 0.8}, 6, 33);
   waved.data.points.p *= 1e3;
   EXPECT_THAT(RefusalOf(waved.data), HasSubstr("millimetres under the name of metres; state"));
+}
+
+// No points, no plan: cameras a kilometre away.
+TEST(WandRefusal, ALengthInMillimetresUnderTheNameOfMetres) {
+  const auto truth = MakeRig({}, Rng(33));
+  Waved waved = WaveBefore(truth, {.poses = 60, .half = 0.8}, Rng(33));
+  waved.data.place *= 1e3;
+  waved.data.place_sigma *= 1e3;
+  const WandCalibration found = Calibrated(waved.data);
+  EXPECT_EQ(found.rig.verdict, kDoNotUse);
+  EXPECT_THAT(found.rig.reasons.front(),
+              HasSubstr("the stated length of the bar is millimetres under the name of metres"));
+}
+
+// Three marks, one distance off by 6 and by 500 of its sigmas: neither surveyed points, which
+// there are none of, nor cameras are to blame.
+TEST(WandRefusal, MarksWhoseDistancesContradictEachOther) {
+  const auto truth = MakeRig({}, Rng(34));
+  for (const double off : {0.0, 1.2e-4, 1e-2}) {
+    WandData data = WaveBefore(truth, {.poses = 80, .half = 0.8}, Rng(34)).data;
+    const WandData half =
+        WaveBefore(truth, {.poses = 80, .length = 0.3, .half = 0.8}, Rng(34)).data;
+    data.marks = {"a", "b", "c"};
+    // Both bars have the same middles and directions: marks at -0.375, -0.15 and 0.375 m.
+    for (WandReading& r : data.readings) r.mark = r.mark == 1 ? 2 : 0;
+    for (WandReading r : half.readings) {
+      if (r.mark != 0) continue;
+      r.mark = 1;
+      data.readings.push_back(r);
+    }
+    std::stable_sort(
+        data.readings.begin(), data.readings.end(), [](const WandReading& a, const WandReading& b) {
+          return std::tie(a.pose, a.mark, a.camera) < std::tie(b.pose, b.mark, b.camera);
+        });
+    data.place = Eigen::Vector3d(0.0, 0.225 + off, 0.75);
+    data.place_sigma = 2e-5;
+    if (off > 1e-3) {
+      EXPECT_THAT(RefusalOf(data), HasSubstr(" mm, and not at 235 mm"));
+      continue;
+    }
+    const WandCalibration found = Calibrated(data);
+    std::string reasons;
+    for (const std::string& reason : found.rig.reasons) reasons += reason + "\n";
+    if (off == 0.0) {
+      EXPECT_NE(found.rig.verdict, kDoNotUse) << reasons;
+      continue;
+    }
+    EXPECT_EQ(found.rig.verdict, kDoNotUse) << off;
+    EXPECT_THAT(reasons, HasSubstr(" mm, and not at 225.12 mm")) << off;
+    EXPECT_THAT(reasons, ::testing::Not(HasSubstr("by the surveyed points mark"))) << off;
+    EXPECT_THAT(reasons, ::testing::Not(HasSubstr("as large as stated"))) << off;
+  }
 }
 
 // Places that are off by a hundred sigmas are off themselves; each was left without the readings

@@ -52,6 +52,8 @@ TEST_F(SurveyPoints, LengthsHaveTheUnitOfTheirColumn) {
   EXPECT_LT((mixed.p - metres.p).norm(), 1e-12);
   EXPECT_LT((mixed.cov - metres.cov).norm(), 1e-12);
   EXPECT_LT((mixed.station - metres.station).norm(), 1e-12);
+  const Survey american = Points("id,x [in],y [ft],z [m],sx [in],sy [ft],sz [m]\na,30,3,1,1,1,1\n");
+  EXPECT_LT((american.p.col(0) - Eigen::Vector3d(0.762, 0.9144, 1.0)).norm(), 1e-12);
   const Survey whole = Points(
       "id,x [mm],y [mm],z [mm],cxx [mm^2],cxy [mm^2],cxz [mm^2],cyy [mm^2],cyz [mm^2],"
       "czz [mm^2]\na,1500,-250,3000,250000,0,0,62500,0,15625\n");
