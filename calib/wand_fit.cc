@@ -186,9 +186,7 @@ void RefineWand(const WandFitOptions& options, const std::string& where, WandFit
   }
   DropLostPoses(fit);
   RequirePoses(*fit, options, where);
-  BundleOptions last = options.bundle;
-  last.max_iterations = options.max_iterations;
-  RefitWand(last, fit);
+  RefitWand(options.bundle, fit);
 }
 
 }  // namespace
@@ -199,7 +197,6 @@ void WandFitOptions::Check() const {
   start.Check();
   if (!(gross_sigmas > 0.0)) refuse("gross_sigmas", "is not above 0", "give sigmas, as 4");
   if (rounds < 1) refuse("rounds", "is below 1", "give some");
-  if (max_iterations < 1) refuse("max_iterations", "is below 1", "give some");
   if (order >= static_cast<int>(measure::OrdersOf(guess.lens).size())) {
     refuse("order", "is none of the lens model's", "give one of measure::OrdersOf, or -1");
   }

@@ -26,9 +26,6 @@ struct WandFitOptions {
   // Of gross errors and variances, at most: of glass that no terms follow the ends of the rows go a
   // layer in each, and 24 of them were not the last (decision 294).
   int rounds = 12;
-  // Of the last bundle, as RefineOptions: a bar in a small part of the rows leaves long curved
-  // valleys. Those before need not reach their ends.
-  int max_iterations = 300;
   int search_poses = 150;  // that the first cameras are found from; the rest follow [-]
   // Where the cameras stand, about, by name: an earlier rig, or where they were meant to. Empty:
   // they are found from nothing.

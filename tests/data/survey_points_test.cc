@@ -148,7 +148,7 @@ TEST_F(SurveyPoints, RefusesWhatItCannotUse) {
   refuse("id,x [m],y [m]\na,1,2\n", "z");
   refuse("id,hz [furlong],v [gon],d [m]\na,1,2,3\n", "furlong");
   refuse("# prism offset: 0.03\nid,x [m],y [m],z [m]\na,1,2,3\n", "station");
-  refuse("# station: 1, 2, 3 [ft]\nid,x [m],y [m],z [m]\na,1,2,3\n", "no length");
+  refuse("# station: 1, 2, 3 [yd]\nid,x [m],y [m],z [m]\na,1,2,3\n", "no length");
   refuse("id,x [m^2],y [m],z [m]\na,1,2,3\n", "[m^2]");
   refuse("# station: 1, 2\nid,x [m],y [m],z [m]\na,1,2,3\n", "2 numbers");
   refuse("id,hz [gon],v [gon],d [m]\na,1,2,0\n", "not positive");

@@ -169,9 +169,9 @@ TEST(Survey, CsvErrorsNameTheirPlace) {
   const std::string head = "id,x [m],y [m],z [m],sx [m],sy [m],sz [m],u1 [px],s1 [px]\n";
   EXPECT_EQ(ErrorOfCsv(head + "a,1,2,3,1e-4,1e-4,1e-4,1000,0.02\n"), "no error");
   EXPECT_THAT(ErrorOfCsv("id,x,y,z,sx,sy,sz,u1,s1\na,1,2,3,1,1,1,1,1\n"), HasSubstr("no unit"));
-  EXPECT_THAT(ErrorOfCsv("id,x [ft],y [m],z [m],sx [m],sy [m],sz [m],u1 [px],s1 [px]\n"
+  EXPECT_THAT(ErrorOfCsv("id,x [yd],y [m],z [m],sx [m],sy [m],sz [m],u1 [px],s1 [px]\n"
                          "a,1,2,3,1,1,1,1,1\n"),
-              HasSubstr("[ft]"));
+              HasSubstr("[yd]"));
   EXPECT_THAT(ErrorOfCsv(head + "a,1,2,3,1e-4,1e-4,1e-4,1000,0.02\na,1,2,4,1e-4,1e-4,1e-4,,\n"),
               HasSubstr("bad.csv:3:id"));
   EXPECT_THAT(ErrorOfCsv(head + "a,1,2,3,0,1e-4,1e-4,1000,0.02\n"), HasSubstr("bad.csv:2:sx"));
