@@ -20,8 +20,8 @@ namespace unfurl::correlate {
 
 namespace {
 
-// Of deviance, beside what correlated residuals add to its scale: a point of a profile that is lower
-// by less is the same minimum, known to less than a standard error.
+// Of deviance, beside what correlated residuals add to its scale: a point of a profile that is
+// lower by less is the same minimum, known to less than a standard error.
 constexpr double kBetter = 1.0;
 
 // Returns to a lower point of a profile. Each lowers the cost by at least half of kBetter, so the
