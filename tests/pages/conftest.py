@@ -19,8 +19,10 @@ PROGRAM, CHROMIUM = os.environ["UNFURL_PROGRAM"], os.environ["UNFURL_CHROMIUM"]
 
 def pytest_collection_modifyitems(items):
     """Tests of one page in one place after one another: they share its loading (Browser.look)."""
-    items.sort(key=lambda item: [str(getattr(item, "callspec", None) and item.callspec.params.get(what, ""))
-                                 for what in ("name", "where")])
+    def place(item):
+        parameters = item.callspec.params if hasattr(item, "callspec") else {}
+        return [str(parameters.get(what, "")) for what in ("name", "where")]
+    items.sort(key=place)
 
 
 @pytest.fixture(scope="session")
