@@ -16,8 +16,8 @@ struct LengthUnit {
 };
 LengthUnit UnitFor(double metres);
 
-// "0.5mm", "2 cm", "0.0005": a number and nm, um, mm, cm or m; without a unit metres. False for
-// anything else.
+// "0.5mm", "2 cm", "0.0005": a number and nm, um, mm, cm, m, ft or in; without a unit metres. False
+// for anything else.
 bool ParseLength(std::string_view text, double* metres);
 
 }  // namespace unfurl

@@ -268,7 +268,8 @@ void JudgeRows(const WandReport& report, const VerdictOptions& options, data::Ri
 }
 
 // What surveyed points say of the bar, against what is stated of it: the fit has a mean of both,
-// whose distance from what was stated has as its variance what that lost.
+// whose distance from what was stated has as its variance what that lost. Without points it is what
+// the readings say of how three marks and more divide the bar.
 void JudgeStated(const WandFit& fit, const WandReport& report, const VerdictOptions& options,
                  Tally* tally) {
   const double stated = fit.data.place_sigma;

@@ -61,7 +61,7 @@ TEST(HealthRivals, TwoCamerasBumpedAtOnceAreBothNamedOrNobodyIs) {
     for (const double share : {0.0, 0.1, 1.0}) {
       const HealthTrial trial = Slow(cameras, share);
       for (const double from : {-1.0, 0.3}) {
-        if (turn++ % Repeats(5, 1) != 0) continue;
+        if (turn++ % Repeats(5, 1) != 0) continue;  // of few: each number, share's end and time
         Rng rng(9000 + 100 * cameras);
         const data::Rig rig = trial.DrawRig(&rng);
         const data::TrialReadings readings =
