@@ -23,9 +23,9 @@ constexpr double kMended = 0.75, kSpoilt = 0.25;
 constexpr double kLengthAlike = 0.05;
 
 // Of the placements those whose ends were found, as far apart as the bar is long.
-double ShareWhole(const data::Rig& rig, const Observations& data,
+double ShareWhole(const measure::Triangulator& triangulator, const Observations& data,
                   const std::vector<std::size_t>& match, const Bar& bar) {
-  const std::vector<Found> found = FindPoints(rig, data, match);
+  const std::vector<Found> found = FindPoints(triangulator, data, match);
   int whole = 0;
   for (std::size_t a = 0; a + 1 < found.size(); a += 2) {
     const measure::PointSolution &p = found[a].solution, &q = found[a + 1].solution;
@@ -38,9 +38,13 @@ double ShareWhole(const data::Rig& rig, const Observations& data,
 
 class BarSlips {
  public:
-  BarSlips(const data::Rig& rig, const Observations& data, const std::vector<std::size_t>& match,
-           const Bar& bar)
-      : rig_(rig), data_(data), match_(match), bar_(bar) {}
+  BarSlips(const measure::Triangulator& triangulator, const Observations& data,
+           const std::vector<std::size_t>& match, const Bar& bar)
+      : triangulator_(triangulator),
+        rig_(triangulator.rig()),
+        data_(data),
+        match_(match),
+        bar_(bar) {}
 
   void TryEnds() {
     for (std::size_t c = 0; c < match_.size() && !slip_.found; ++c) {
@@ -101,10 +105,11 @@ class BarSlips {
     for (Reading& r : changed.readings) change(&r);
     std::stable_sort(changed.readings.begin(), changed.readings.end(),
                      [](const Reading& a, const Reading& b) { return a.point < b.point; });
-    if (ShareWhole(rig_, changed, match_, bar_) < kMended) return;
+    if (ShareWhole(triangulator_, changed, match_, bar_) < kMended) return;
     slip_ = {true, "fits the rig, but " + what, remedy};
   }
 
+  const measure::Triangulator& triangulator_;
   const data::Rig& rig_;
   const Observations& data_;
   const std::vector<std::size_t>& match_;
@@ -114,11 +119,11 @@ class BarSlips {
 
 }  // namespace
 
-Slip FindBarSlip(const data::Rig& rig, const Observations& data,
+Slip FindBarSlip(const measure::Triangulator& triangulator, const Observations& data,
                  const std::vector<std::size_t>& match, const Bar& bar) {
   if (data.points() < 2 * static_cast<int>(kFewestPlacements)) return {};
-  if (ShareWhole(rig, data, match, bar) >= kSpoilt) return {};
-  BarSlips slips(rig, data, match, bar);
+  if (ShareWhole(triangulator, data, match, bar) >= kSpoilt) return {};
+  BarSlips slips(triangulator, data, match, bar);
   slips.TryEnds();
   if (!slips.found().found) slips.TryCameras();
   if (!slips.found().found) slips.TryRows();

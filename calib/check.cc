@@ -322,7 +322,7 @@ CheckResult CheckPoints(const data::Rig& rig, const Observations& data, const st
   const auto make = [&](const data::Rig& there, const Observations& readings) {
     return DesignOfPoints(there, readings, match, where);
   };
-  const std::vector<Found> found = FindPoints(rig, data, match);
+  const std::vector<Found> found = FindPoints(CheckTriangulator(rig), data, match);
   CheckResult result;
   result.options = options;
   CheckEachPoint(data, found, &result);
@@ -348,7 +348,8 @@ CheckResult CheckBar(const data::Rig& rig, const Observations& data, const Bar& 
   options.Check();
   const std::vector<std::size_t> match = MatchCameras(rig, data, where);
   RefuseCopiedRows(PlacementRows(data), where);
-  const std::vector<Found> found = FindPoints(rig, data, match);
+  const measure::Triangulator triangulator = CheckTriangulator(rig);
+  const std::vector<Found> found = FindPoints(triangulator, data, match);
   Eigen::Matrix3Xd start = Eigen::Matrix3Xd::Constant(3, data.points(), kNone);
   for (Eigen::Index i = 0; i < start.cols(); ++i) {
     // Where planes meet at a small angle, too: the bar's other end and its length hold it.
@@ -364,10 +365,9 @@ CheckResult CheckBar(const data::Rig& rig, const Observations& data, const Bar& 
   CheckResult result;
   result.options = options;
   CheckEachLength(data, found, bar, &result);
-  for (const Slip& slip :
-       {FindBarUnitSlip(result.points, bar), FindBarSlip(rig, data, match, bar)}) {
-    if (slip.found) throw Error(slip.what, where, slip.remedy);
-  }
+  Slip slip = FindBarUnitSlip(result.points, bar);
+  if (!slip.found) slip = FindBarSlip(triangulator, data, match, bar);
+  if (slip.found) throw Error(slip.what, where, slip.remedy);
   const CheckDesign design = make(rig, data);
   if (design.misfit.size() == 0) {
     throw Error("no placement of the bar has more readings than its two ends need", where,

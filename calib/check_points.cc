@@ -14,9 +14,13 @@ constexpr double kNoReading = std::numeric_limits<double>::quiet_NaN();
 
 }  // namespace
 
-std::vector<Found> FindPoints(const data::Rig& rig, const Observations& data,
+measure::Triangulator CheckTriangulator(const data::Rig& rig) {
+  return measure::Triangulator(rig, {.residual_level = 1e-12});
+}
+
+std::vector<Found> FindPoints(const measure::Triangulator& triangulator, const Observations& data,
                               const std::vector<std::size_t>& match) {
-  const measure::Triangulator triangulator(rig, {.residual_level = 1e-12});
+  const data::Rig& rig = triangulator.rig();
   std::vector<Found> out(static_cast<std::size_t>(data.points()));
   std::vector<double> u(rig.cameras.size()), s(rig.cameras.size());
   std::size_t k = 0;

@@ -17,8 +17,11 @@ struct Found {
   Eigen::Matrix3Xd F;
 };
 
+// What finds them: readings must contradict each other beyond doubt before a point is given up.
+measure::Triangulator CheckTriangulator(const data::Rig& rig);
+
 // Of each point of the survey. `match`: by camera of the data, the rig's.
-std::vector<Found> FindPoints(const data::Rig& rig, const Observations& data,
+std::vector<Found> FindPoints(const measure::Triangulator& triangulator, const Observations& data,
                               const std::vector<std::size_t>& match);
 
 // The survey with points that lie far from where their readings meet brought nearer on the way

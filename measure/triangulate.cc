@@ -323,24 +323,28 @@ void Triangulator::ReduceShared(std::span<const PointSolution> points) {
   store(whole_);
   rank_ = columns_;
   const std::vector<double> s = TypicalSigmas(rig_);
-  std::vector<Eigen::MatrixXd> samples;
-  Eigen::MatrixXd moment = Eigen::MatrixXd::Zero(whole_.cols(), whole_.cols());
+  // Three rows a sample, of a norm of one together.
+  Eigen::MatrixXd samples(3 * static_cast<Eigen::Index>(points.size()), whole_.cols());
+  Eigen::Index count = 0;
+  Eigen::Matrix3Xd F(3, whole_.cols());
   for (const PointSolution& point : points) {
-    Eigen::Matrix3Xd F(3, whole_.cols());
     SharedFactor(point, s, F);
-    if (!(F.norm() > 0.0)) continue;
-    samples.emplace_back(F / F.norm());
-    moment += samples.back().transpose() * samples.back();
+    const double norm = F.norm();
+    if (norm > 0.0) samples.middleRows(3 * count++, 3) = F / norm;
   }
+  samples.conservativeResize(3 * count, Eigen::NoChange);
+  Eigen::MatrixXd moment = Eigen::MatrixXd::Zero(whole_.cols(), whole_.cols());
+  moment.selfadjointView<Eigen::Lower>().rankUpdate(samples.transpose());
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> space(moment);
   const Eigen::MatrixXd basis = space.eigenvectors().rowwise().reverse();
   // What each sample has left after the first k directions, tracked as k grows.
-  std::vector<double> left(samples.size(), 1.0);
+  const Eigen::MatrixXd turned = (samples * basis).cwiseAbs2();
+  std::vector<double> left(static_cast<std::size_t>(count), 1.0);
   Eigen::Index k = 0;
   while (k < basis.cols() && !left.empty() &&
          *std::max_element(left.begin(), left.end()) > options_.shared_tolerance) {
-    for (std::size_t i = 0; i < samples.size(); ++i) {
-      left[i] -= (samples[i] * basis.col(k)).squaredNorm();
+    for (Eigen::Index i = 0; i < count; ++i) {
+      left[static_cast<std::size_t>(i)] -= turned.col(k).segment<3>(3 * i).sum();
     }
     ++k;
   }
