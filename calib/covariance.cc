@@ -163,9 +163,10 @@ Redundancy RedundancyOf(const Observations& data, const std::vector<CameraPrior>
   Redundancy out;
   out.reading.assign(data.readings.size(), 0.0);
   out.survey.assign(static_cast<std::size_t>(data.points()), 0.0);
+  out.by_rig.assign(data.readings.size(), 0.0);
   const Eigen::Index size = covariance.rows();
   std::vector<measure::Projection> seen;
-  std::vector<std::size_t> used;
+  std::vector<std::size_t> which;
   const auto common = static_cast<Eigen::Index>(data.common.size());
   Eigen::MatrixXd H_Pc(3, size), moved(3, size);  // of cameras and common errors
   std::size_t k = 0;
@@ -175,20 +176,18 @@ Redundancy RedundancyOf(const Observations& data, const std::vector<CameraPrior>
     Eigen::Matrix3d H_PP = S;
     H_Pc.setZero();
     seen.clear();
-    used.clear();
+    which.clear();
     for (; k < data.readings.size() && data.readings[k].point == i; ++k) {
       const Reading& r = data.readings[k];
       const auto j = static_cast<std::size_t>(r.camera);
       measure::Projection h;
-      if (!weighting.Uses(k) ||
-          !ProjectFree(state.cameras[j], priors[j], state.points.col(i), &h)) {
-        continue;
-      }
+      if (!ProjectFree(state.cameras[j], priors[j], state.points.col(i), &h)) continue;
+      seen.push_back(h);
+      which.push_back(k);
+      if (!weighting.Uses(k)) continue;
       const double w = 1.0 / weighting.Variance(r);
       H_PP += w * h.du_dp.transpose() * h.du_dp;
       H_Pc.middleCols(kParameters * r.camera, kParameters) += w * h.du_dp.transpose() * h.du_dc;
-      seen.push_back(h);
-      used.push_back(k);
     }
     const Eigen::Matrix3Xd B = ShiftsOf(data, i);
     H_Pc.rightCols(common) = S * B;
@@ -204,8 +203,8 @@ Redundancy RedundancyOf(const Observations& data, const std::vector<CameraPrior>
           B * covariance.bottomRightCorner(common, common) * B.transpose();
       out.survey[point] = 3.0 - (S * of_survey).trace();
     }
-    for (std::size_t m = 0; m < used.size(); ++m) {
-      const Reading& r = data.readings[used[m]];
+    for (std::size_t m = 0; m < which.size(); ++m) {
+      const Reading& r = data.readings[which[m]];
       const Eigen::Index first = kParameters * r.camera;
       const auto& h = seen[m];
       // Of J_c c + J_P P, with P = moved c + its own part.
@@ -214,7 +213,12 @@ Redundancy RedundancyOf(const Observations& data, const std::vector<CameraPrior>
           2.0 * (h.du_dp * spread.middleCols(first, kParameters) * h.du_dc.transpose()).value() +
           (h.du_dc * covariance.block(first, first, kParameters, kParameters) * h.du_dc.transpose())
               .value();
-      out.reading[used[m]] = std::max(0.0, 1.0 - variance / weighting.Variance(r));
+      if (weighting.Uses(which[m])) {
+        out.reading[which[m]] = std::max(0.0, 1.0 - variance / weighting.Variance(r));
+      } else {
+        const double own = (h.du_dp * inverse * h.du_dp.transpose()).value();
+        out.by_rig[which[m]] = (variance - own) / (own + weighting.Variance(r));
+      }
     }
   }
   return out;

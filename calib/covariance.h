@@ -38,6 +38,10 @@ void ClearFixed(const std::vector<CameraPrior>& priors, Eigen::MatrixXd* covaria
 // the whole information.
 struct Redundancy {
   std::vector<double> reading, survey;  // [-]
+  // Of a reading that takes no part: the variance that the cameras' errors give what the others
+  // make of it, over what it would have by the readings' and the survey's errors alone. Above 1 the
+  // model knows less of it there than the reading itself; 0 for readings that take part [-].
+  std::vector<double> by_rig;
 };
 Redundancy RedundancyOf(const Observations& data, const std::vector<CameraPrior>& priors,
                         const Weighting& weighting, const BundleState& state,

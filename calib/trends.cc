@@ -168,6 +168,8 @@ void TrendOptions::Check() const {
     refuse("harmless", "is not a share of the squared error", "give 0 or more");
   if (!(unseen >= 0.0) || !std::isfinite(unseen))
     refuse("unseen", "is not a share of the squared error", "give 0 or more");
+  if (!(lens_share >= 0.0 && lens_share <= 1.0))
+    refuse("lens_share", "is not between 0 and 1", "give a share of the row");
 }
 
 TrendResult TestTrends(const Observations& data, const std::vector<CameraPrior>& priors,

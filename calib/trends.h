@@ -43,6 +43,9 @@ struct TrendOptions {
   // the order of measuring hides what error bars would have to hold. With 0.3 89% of errors lie
   // within ellipsoids of 95% [-].
   double unseen = 0.3;
+  // Of the row: no lens is further off where its camera has no other readings, and of gross
+  // errors anywhere on the row one in fifty falls so near [-].
+  double lens_share = 0.01;
   // Nothing moved during the survey, as something other than the survey shows: `unseen` is not
   // asked.
   bool steady = false;

@@ -97,7 +97,7 @@ void ReportCameras(const WandFit& fit, WandReport* report) {
 }
 
 void ReportBar(const WandFit& fit, WandReport* report) {
-  const auto cameras = data::kCameraParameters * static_cast<Eigen::Index>(fit.data.cameras.size());
+  const Eigen::Index cameras = fit.CameraNumbers();
   report->marks = fit.data.marks;
   report->place = fit.state.place.array() - fit.state.place(0);
   report->place_sigma.setZero(report->place.size());

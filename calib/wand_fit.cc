@@ -205,9 +205,12 @@ void WandFitOptions::Check() const {
   }
 }
 
+Eigen::Index WandFit::CameraNumbers() const {
+  return data::kCameraParameters * static_cast<Eigen::Index>(state.cameras.size());
+}
+
 Eigen::MatrixXd WandFit::CameraCovariance() const {
-  const auto n = data::kCameraParameters * static_cast<Eigen::Index>(state.cameras.size());
-  return system.covariance.topLeftCorner(n, n);
+  return system.covariance.topLeftCorner(CameraNumbers(), CameraNumbers());
 }
 
 void RefitWand(const BundleOptions& options, WandFit* fit) {
@@ -218,10 +221,6 @@ void RefitWand(const BundleOptions& options, WandFit* fit) {
 }
 
 namespace {
-
-Eigen::Index CameraNumbers(const WandFit& fit) {
-  return data::kCameraParameters * static_cast<Eigen::Index>(fit.state.cameras.size());
-}
 
 // Of three marks and more the readings tell how they divide the bar, much better than anybody
 // measures it. A stated distance that is wrong, held to while floors are sought, raises them until
@@ -238,9 +237,8 @@ void FreeMarks(const BundleOptions& options, const std::string& where, WandFit* 
   fit->data.place_sigma = stated;
   const Eigen::VectorXd said = fit->data.place.array() - fit->data.place(0);
   const Eigen::VectorXd place = fit->state.place.array() - fit->state.place(0);
-  const Eigen::MatrixXd C =
-      fit->system.covariance.bottomRightCorner(fit->system.covariance.rows() - CameraNumbers(*fit),
-                                               fit->system.covariance.cols() - CameraNumbers(*fit));
+  const Eigen::Index others = fit->system.covariance.rows() - fit->CameraNumbers();
+  const Eigen::MatrixXd C = fit->system.covariance.bottomRightCorner(others, others);
   Eigen::Index far = 0;
   said.cwiseAbs().maxCoeff(&far);
   for (Eigen::Index m = 1; m < marks; ++m) {

@@ -62,6 +62,8 @@ struct WandFit {
   // The survey tells the rig from its mirror image: points off a plane.
   bool handed = false;
 
+  // Rows of `system.covariance` that are the cameras'; those of the marks' places follow.
+  Eigen::Index CameraNumbers() const;
   // Of the cameras' parameters, 31 c x 31 c, in the frame that holds in the fit.
   Eigen::MatrixXd CameraCovariance() const;
 };

@@ -6,13 +6,13 @@
 #include <array>
 #include <cmath>
 #include <filesystem>
-#include <numbers>
 #include <set>
 
 #include "base/dense.h"
 #include "base/error.h"
 #include "base/text.h"
 #include "data/set_ups.h"
+#include "data/units.h"
 
 namespace unfurl::data {
 
@@ -44,26 +44,11 @@ bool AllThere(const std::array<int, 3>& columns) {
 // [rad] or [m] of one unit of a column.
 double AngleUnit(const CsvTable& table, int column) {
   const std::string& unit = table.columns()[static_cast<std::size_t>(column)].unit;
-  if (unit == "rad") return 1.0;
-  if (unit == "gon") return std::numbers::pi / 200.0;
-  if (unit == "mgon") return std::numbers::pi / 200e3;
-  if (unit == "deg") return std::numbers::pi / 180.0;
-  if (unit == "arcsec") return std::numbers::pi / 648e3;
+  if (const auto radians = UnitsPer("rad", unit)) return *radians;
   throw Error(
       fmt::format("the unit '{}' is none of an angle", unit),
       fmt::format("{}:{}", table.path(), table.columns()[static_cast<std::size_t>(column)].name),
       "give rad, gon, mgon, deg or arcsec");
-}
-
-// [m] of one unit of a length; 0: it is none.
-double LengthUnit(std::string_view unit) {
-  if (unit == "m") return 1.0;
-  if (unit == "cm") return 1e-2;
-  if (unit == "mm") return 1e-3;
-  if (unit == "um") return 1e-6;
-  if (unit == "ft") return 0.3048;
-  if (unit == "in") return 0.0254;
-  return 0.0;
 }
 
 // A column of lengths, or of their squares, and what makes metres of it.
@@ -74,10 +59,9 @@ struct LengthColumn {
 LengthColumn RequireLength(const CsvTable& table, const std::string& name, bool squared = false) {
   const int at = table.Find(name);
   const std::string given = at < 0 ? "" : table.columns()[static_cast<std::size_t>(at)].unit;
-  const bool ends = given.ends_with("^2");
-  const double unit = LengthUnit(ends ? given.substr(0, given.size() - 2) : given);
-  if (ends != squared || unit == 0.0) return {table.Require(name, squared ? "m^2" : "m"), 1.0};
-  return {at, squared ? unit * unit : unit};
+  const char* metres = squared ? "m^2" : "m";
+  const auto unit = UnitsPer(metres, given);
+  return unit ? LengthColumn{at, *unit} : LengthColumn{table.Require(name, metres), 1.0};
 }
 
 // "station: 1, 2, 3" of the comments; false when there is none.
@@ -90,8 +74,7 @@ bool Note(const CsvTable& table, const std::string& name, std::size_t count, boo
     double scale = 1.0;
     if (const std::size_t open = text.find('['); open != std::string::npos) {
       const std::size_t close = std::min(text.find(']', open), text.size());
-      if (length)
-        scale = LengthUnit(Trim(std::string_view(text).substr(open + 1, close - open - 1)));
+      if (length) scale = UnitsPer("m", text.substr(open + 1, close - open - 1)).value_or(0.0);
       if (scale == 0.0) {
         throw Error("has a unit that is no length's", fmt::format("{}: # {}", table.path(), name),
                     "write it in [m] or [mm]");

@@ -15,6 +15,7 @@
 #include "data/atomic_file.h"
 #include "data/c3d.h"
 #include "data/tracks_exchange.h"
+#include "data/units.h"
 
 namespace unfurl::data {
 
@@ -172,8 +173,7 @@ Layout LayoutOf(const std::string& path, const Bytes& bytes, std::size_t size,
 }
 
 double MetresPerUnit(const std::string& path, const std::string& units) {
-  if (units == "m") return 1.0;
-  if (units == "mm") return 1e-3;
+  if (const auto metres = UnitsPer("m", units)) return *metres;
   throw Error(fmt::format("its points are in '{}'", units), path + ":POINT:UNITS",
               "write them in m or mm");
 }

@@ -13,6 +13,7 @@
 #include "data/tracks_exchange.h"
 #include "data/tracks_grid.h"
 #include "data/uff.h"
+#include "data/units.h"
 
 namespace unfurl::data {
 
@@ -57,14 +58,12 @@ struct Mark {
 // Metres in the unit of a displacement; refuses what is not stated, and what is stated twice and
 // differs.
 double MetresPerUnit(const UffFile& file, const UffFunction& f) {
-  const std::map<std::string, double, std::less<>> known = {
-      {"m", 1.0}, {"mm", 1e-3}, {"cm", 1e-2}, {"um", 1e-6}, {"in", 0.0254}, {"ft", 0.3048}};
   std::string unit = f.ordinate.units;
   std::transform(unit.begin(), unit.end(), unit.begin(),
                  [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  const auto named = known.find(unit);
+  const auto named = UnitsPer("m", unit);
   const bool silent = unit.empty() || unit == "none";
-  if (named == known.end() && !silent) {
+  if (!named && !silent) {
     throw Error(fmt::format("its displacements are in '{}'", f.ordinate.units), f.where,
                 "export them in m or mm");
   }
@@ -73,10 +72,10 @@ double MetresPerUnit(const UffFile& file, const UffFunction& f) {
       throw Error("names no unit of its displacements", f.where,
                   "export it with its units (dataset 164, or the label of the axis)");
     }
-    return named->second;
+    return *named;
   }
   const double metres = 1.0 / file.length_factor;
-  if (!silent && std::abs(named->second / metres - 1.0) > 1e-3) {
+  if (!silent && std::abs(*named / metres - 1.0) > 1e-3) {
     throw Error(fmt::format("the axis is in '{}', and dataset 164 says {:g} to the metre",
                             f.ordinate.units, file.length_factor),
                 f.where, "export it again with one unit");
