@@ -16,9 +16,6 @@ std::vector<Trend> FindOutermost(const Observations& data, const RefinedBundle& 
     for (std::size_t k = 0; k < data.readings.size(); ++k) {
       const double residual = bundle.summary.residual_px[k];
       if (data.readings[k].camera != static_cast<int>(j) || bundle.weighting.Uses(k)) continue;
-        fmt::print(stderr, "{} {} res {} by_rig {}\n", data.cameras[j],
-                   data.ids[(std::size_t)data.readings[k].point], residual,
-                   bundle.redundancy.by_rig[k]);
       if (!(bundle.redundancy.by_rig[k] > 1.0) || !(std::abs(residual) < most)) continue;
       ++count;
       if (point >= 0 && std::abs(residual) <= std::abs(trend.change)) continue;
@@ -32,11 +29,9 @@ std::vector<Trend> FindOutermost(const Observations& data, const RefinedBundle& 
     trend.rms = std::abs(trend.change);
     trend.text = fmt::format(
         "camera \"{}\": the reading of point \"{}\"{} was left out, off by {:+.3g} px, and no "
-        "other "
-        "that takes part is near it on the sensor and says whether it is wrong or the lens bends "
-        "otherwise there: error bars may be too short at that end of the volume. Survey more "
-        "points "
-        "around it, or use nothing beyond the others",
+        "other that takes part is near it on the sensor and says whether it is wrong or the lens "
+        "bends otherwise there: error bars may be too short at that end of the volume. Survey more "
+        "points around it, or use nothing beyond the others",
         data.cameras[j], data.ids[static_cast<std::size_t>(point)],
         count > 1 ? fmt::format(" (of {} such the one that is off by most)", count) : "",
         trend.change);

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "base/count.h"
 #include "base/dense.h"
@@ -11,7 +12,9 @@
 #include "base/length.h"
 #include "base/refuse_option.h"
 #include "base/statistics.h"
+#include "calib/judge_held_out.h"
 #include "calib/slips.h"
+#include "calib/tally.h"
 
 namespace unfurl::calib {
 namespace {
@@ -24,85 +27,6 @@ constexpr double kFinest = 1e-6, kCoarsest = 0.05;
 
 // Of SetUpEstimate::strain: one sigma of what it strains most.
 constexpr double kStrain = 1.0;  // [-]
-
-// Reasons by what they do to the verdict.
-struct Tally {
-  std::vector<std::string> no, care, fine;
-};
-
-// Sums over the held-out points: measured, predicted and the survey's squared errors.
-struct HeldOutSums {
-  double n = 0.0;
-  double squares = 0.0, predicted = 0.0, survey = 0.0;  // [m^2]
-  double nees = 0.0;                                    // squared errors over their covariance [-]
-  double variance = 0.0;           // of `squares`, if the prediction is true [m^4]
-  std::vector<double> sizes, own;  // |error|, and predicted without the survey's part [m]
-};
-
-HeldOutSums Sum(const CalibrationReport& report, const Observations& data) {
-  HeldOutSums sums;
-  for (const HeldOutPoint& point : report.held_out) {
-    const double survey = report.survey_factor * report.survey_factor *
-                          data.cov[static_cast<std::size_t>(point.point)].trace();
-    sums.n += 1.0;
-    sums.squares += point.error.squaredNorm();
-    sums.predicted += point.predicted.trace();
-    sums.survey += survey;
-    sums.nees += point.squared;
-    sums.variance += 2.0 * point.predicted.squaredNorm();
-    sums.sizes.push_back(point.error.norm());
-    sums.own.push_back(std::sqrt(std::max(point.predicted.trace() - survey, 0.0)));
-  }
-  return sums;
-}
-
-void StoreHeldOut(const HeldOutSums& sums, data::Rig* rig) {
-  const double n = sums.n, own = std::max(0.0, sums.squares - sums.survey);
-  const double upper = NormalQuantile(0.95) * std::sqrt(sums.variance);
-  auto& checks = rig->checks;
-  checks["held_out_points [1]"] = n;
-  checks["held_out_rms [m]"] = std::sqrt(sums.squares / n);
-  checks["held_out_rms_predicted [m]"] = std::sqrt(sums.predicted / n);
-  checks["held_out_p95 [m]"] = Quantile(sums.sizes, 0.95);
-  checks["held_out_max [m]"] = *std::max_element(sums.sizes.begin(), sums.sizes.end());
-  checks["held_out_nees_per_dof [1]"] = sums.nees / (3.0 * n);
-  checks["own_error_rms [m]"] = std::sqrt(own / n);
-  checks["own_error_rms_at_most [m]"] =
-      std::sqrt(std::max(sums.squares - sums.survey + upper, 0.0) / n);
-  checks["own_error_rms_predicted [m]"] = std::sqrt((sums.predicted - sums.survey) / n);
-  checks["own_error_median_predicted [m]"] = Median(sums.own);
-}
-
-void JudgeHeldOut(const HeldOutSums& sums, const VerdictOptions& options, data::Rig* rig,
-                  Tally* tally) {
-  if (sums.n == 0.0) {
-    tally->no.push_back("no held-out point could be found from its readings");
-    return;
-  }
-  StoreHeldOut(sums, rig);
-  const double n = sums.n, ratio = sums.nees / (3.0 * n);
-  tally->fine.push_back(fmt::format(
-      "{:.0f} points that took no part in the fit were found {} RMS from the survey (predicted {}, "
-      "of which the survey's own error is {})",
-      n, LengthText(std::sqrt(sums.squares / n)), LengthText(std::sqrt(sums.predicted / n)),
-      LengthText(std::sqrt(sums.survey / n))));
-  if (ratio > options.honesty) {
-    tally->no.push_back(
-        fmt::format("the errors of held-out points are {:.1f} times as large as predicted: the "
-                    "calibration's error bars are wrong",
-                    std::sqrt(ratio)));
-  } else if (ChiSquareTail(sums.nees, 3.0 * n) < options.chance) {
-    tally->care.push_back(fmt::format(
-        "the errors of held-out points are {:.2f} times as large as predicted, more than chance "
-        "explains",
-        std::sqrt(ratio)));
-  } else if (ratio < 1.0 / options.honesty) {
-    tally->fine.push_back(fmt::format(
-        "the errors of held-out points are {:.1f} times as small as predicted: the stated standard "
-        "deviations are too large, and so are the error bars",
-        1.0 / std::sqrt(ratio)));
-  }
-}
 
 void JudgeNeed(const CalibrationReport& report, const HeldOutSums& sums,
                const VerdictOptions& options, data::Rig* rig, Tally* tally) {
@@ -371,8 +295,8 @@ void Judge(const CalibrationReport& report, const Observations& data, data::Rig*
   Tally tally;
   const Slip slip = FindUnitSlip(*rig);
   if (slip.found) tally.no.push_back(slip.what + "; " + slip.remedy);
-  const HeldOutSums sums = Sum(report, data);
-  JudgeHeldOut(sums, options, rig, &tally);
+  const HeldOutSums sums = SumHeldOut(report, data);
+  JudgeHeldOut(report, sums, options, rig, &tally);
   JudgeNeed(report, sums, options, rig, &tally);
   JudgeGross(report, options, rig, &tally);
   JudgeFit(report, options, rig, &tally);
@@ -385,10 +309,7 @@ void Judge(const CalibrationReport& report, const Observations& data, data::Rig*
   if (report.cameras.size() == 3) {
     tally.care.push_back("with three cameras no reading can be checked against the others");
   }
-  rig->verdict = !tally.no.empty() ? kDoNotUse : !tally.care.empty() ? kWithCare : kGood;
-  rig->reasons = tally.no;
-  rig->reasons.insert(rig->reasons.end(), tally.care.begin(), tally.care.end());
-  rig->reasons.insert(rig->reasons.end(), tally.fine.begin(), tally.fine.end());
+  Conclude(std::move(tally), rig);
 }
 
 }  // namespace unfurl::calib

@@ -12,7 +12,8 @@ struct VerdictOptions {
   // Share of the surveyed places whose predicted error may exceed the need, or that too few cameras
   // see: the corners of a volume that three cameras cover [-].
   double poor_share = 0.1;
-  // Held-out errors in units of their prediction: below this probability of chance, care [-].
+  // Held-out errors in units of their prediction, of all and of the worst among them: below this
+  // probability of chance, care [-].
   double chance = 1e-3;
   // Mean squared held-out error over its prediction, 1 where the covariance is true: above, error
   // bars are wrong by a factor of two, and no [-].

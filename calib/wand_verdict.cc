@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <string>
+#include <utility>
 
 #include "base/count.h"
 #include "base/dense.h"
@@ -12,6 +13,7 @@
 #include "base/statistics.h"
 #include "base/text.h"
 #include "calib/slips.h"
+#include "calib/tally.h"
 #include "calib/verdict.h"
 #include "calib/wand_gross.h"
 #include "calib/wand_search.h"
@@ -28,11 +30,6 @@ constexpr double kFarFromStated = 3.0;
 
 // The bar's ends: what of their largest spread counts as a plane, as GuessOptions::flatness [-].
 constexpr double kFlat = 0.05;
-
-// Reasons by what they do to the verdict.
-struct Tally {
-  std::vector<std::string> no, care, fine;
-};
 
 void JudgeLengths(const WandReport& report, const VerdictOptions& options, data::Rig* rig,
                   Tally* tally) {
@@ -341,10 +338,7 @@ void JudgeWand(const WandFit& fit, const std::vector<double>& sigmas, const Wand
     tally.care.push_back("with three cameras no reading can be checked against the others");
   }
   tally.fine.push_back("frame " + report.frame + "; scale by the bar");
-  rig->verdict = !tally.no.empty() ? kDoNotUse : !tally.care.empty() ? kWithCare : kGood;
-  rig->reasons = tally.no;
-  rig->reasons.insert(rig->reasons.end(), tally.care.begin(), tally.care.end());
-  rig->reasons.insert(rig->reasons.end(), tally.fine.begin(), tally.fine.end());
+  Conclude(std::move(tally), rig);
 }
 
 }  // namespace unfurl::calib
