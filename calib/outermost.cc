@@ -23,7 +23,7 @@ std::vector<Trend> FindOutermost(const Observations& data, const RefinedBundle& 
       trend.change = residual;
     }
     if (point < 0) continue;
-    trend.kind = TrendKind::kLensRest;
+    trend.kind = TrendKind::kOutermost;
     trend.camera = static_cast<int>(j);
     trend.found = true;
     trend.rms = std::abs(trend.change);

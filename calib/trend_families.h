@@ -15,6 +15,7 @@ enum class TrendKind {
   kPattern,       // of a camera's readings over its field
   kSurveyShape,   // of the surveyed places over the volume
   kLensRest,      // none: of what the lens model lacks, no residual tells (calib/lens_rest.h)
+  kOutermost,     // a reading that was left out where no others are near (calib/outermost.h)
 };
 
 /// Smooth functions of one kind, each of unit mean square, with independent N(0, t^2 d_k)

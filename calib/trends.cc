@@ -81,6 +81,7 @@ std::string Seen(const Trend& trend, const std::vector<std::string>& cameras) {
           "not make, {:.2g} px RMS",
           camera, trend.rms);
     case TrendKind::kLensRest:
+    case TrendKind::kOutermost:
     case TrendKind::kSurveyShape:
       break;
   }
@@ -102,6 +103,7 @@ const char* Remedy(TrendKind kind) {
       return "error bars are too short where it is. Look for a window, a reflection or a wrong "
              "flat field, or give the lens model (--lens, --order)";
     case TrendKind::kLensRest:
+    case TrendKind::kOutermost:
     case TrendKind::kSurveyShape:
       break;
   }
@@ -154,6 +156,8 @@ const char* Name(TrendKind kind) {
       return "pattern over the field";
     case TrendKind::kLensRest:
       return "rest of the lens";
+    case TrendKind::kOutermost:
+      return "reading where no others are";
     case TrendKind::kSurveyShape:
       break;
   }
