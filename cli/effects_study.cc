@@ -48,6 +48,11 @@ void AddEffect(const study::TrialEffect& t, EffectsTold* out) {
                       {"released", t.released}, {"runs", t.runs},
                       {"looks", t.looks},       {"seconds", t.seconds}};
   if (!t.message.empty()) one["message"] = t.message;
+  if (t.size_sigma > 0.0) {
+    one["size"] = t.size;
+    one["size_sigma"] = t.size_sigma;
+    one["unit"] = t.unit;
+  }
   if (!t.fitted) {
     out->rows.push_back(
         {EffectLabel(t.effect), study::Name(t.verdict), "-", "-", "-", "-", "-", "-", t.message});
@@ -70,6 +75,9 @@ void AddEffect(const study::TrialEffect& t, EffectsTold* out) {
   for (const auto& s : t.shifts) one["shifts"][s.name] = s.sigmas;
   out->json["effects"].push_back(std::move(one));
   std::vector<std::string> words;
+  if (t.size_sigma > 0.0) {
+    words.push_back(fmt::format("size {:.3g} +- {:.2g} {}", t.size, t.size_sigma, t.unit));
+  }
   const std::string shifts = ShiftText(t);
   if (!shifts.empty()) words.push_back(shifts);
   if (!t.latches.empty()) words.push_back(JoinWords(t.latches));

@@ -106,6 +106,11 @@ std::vector<EffectSwitch> EffectVersions::Effects(bool each) const {
   return EffectsOf(data::ReadScene(document, study_.scene), document, each);
 }
 
+std::vector<SizedEffect> EffectVersions::Sized(bool each) const {
+  return SizedEffectsOf(data::ReadScene(data::LoadToml(study_.scene, study_.set), study_.scene),
+                        study_, each);
+}
+
 // Of a version whose mesh is another: an effect that is there leaves the cheaper model, which is
 // then searched with; one that is not, a dearer one, and the study's lowest rung leads the way.
 void EffectVersions::OnOneRung(EffectVersion* out) const {

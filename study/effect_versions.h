@@ -7,6 +7,7 @@
 #include "correlate/sampled_model.h"
 #include "study/effects.h"
 #include "study/fit_study.h"
+#include "study/sized_effects.h"
 
 namespace unfurl::study {
 
@@ -31,6 +32,8 @@ class EffectVersions {
 
   /// As EffectsOf, of the scene as its finest rung has it.
   std::vector<EffectSwitch> Effects(bool each) const;
+  /// As SizedEffectsOf, likewise.
+  std::vector<SizedEffect> Sized(bool each) const;
   /// With nothing switched.
   EffectVersion AsItIs() const { return Switched({}, true); }
   /// `there`: the effect is in the scene. Throws Error where the scene does not take it.

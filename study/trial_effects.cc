@@ -12,6 +12,7 @@
 #include "study/effect_versions.h"
 #include "study/latch_words.h"
 #include "study/rivals.h"
+#include "study/sized_effects.h"
 #include "study/trial_observations.h"
 #include "study/trial_verdict.h"
 
@@ -107,6 +108,7 @@ void Compare(const StudyFit& fit, const correlate::Refitted& as_is,
                                           : out->deviance - (1.0 - as_is.least) * e.as_is / scale;
   const double more = std::max(e.switched, e.as_is);
   out->share = more > 0.0 ? std::max(0.0, sign * (e.switched - e.as_is)) / more : 0.0;
+  out->left = e.switched / e.count;
   out->deviance_error = (switched.scatter + as_is.scatter) / scale;
   out->probability = ProbabilityOfEffect(out->deviance, e.count, *out);
   out->change = std::sqrt(e.change / e.count);
@@ -185,6 +187,22 @@ class TrialBench {
       e->message = error.what();
     }
     e->seconds = CpuSeconds() - start;
+  }
+
+  double rows() const { return as_is_.rows; }
+  std::vector<SizedEffect> Sized() const { return versions_.Sized(options_.each); }
+  void WeighOfSize(const SizedEffect& sized, TrialEffect* e) const {
+    WeighSized(
+        sized, as_is_.rows,
+        [this](const std::vector<std::string>& set, TrialEffect* at) { Weigh(set, at); }, e);
+    if (!e->fitted) return;
+    e->message.clear();
+    if (e->size_sigma > 0.0) {
+      JudgeEffect({.part = options_.part, .rows = as_is_.rows, .explained = Explains(fit_)}, e);
+    } else {
+      e->verdict = EffectVerdict::kCannotTell;
+      e->message = "the trial does not tell its size";
+    }
   }
 
  private:
@@ -301,7 +319,8 @@ TrialEffects WeighTrialEffects(const data::Study& asked, const TrialEffectsOptio
   // 2. Each switched, all others fitted again from there.
   const TrialBench bench(study, options, out.fit);
   const std::vector<EffectSwitch> switches = bench.Effects();
-  const double steps = static_cast<double>(switches.size()) + 2.0;
+  const std::vector<SizedEffect> sized = bench.Sized();
+  const double steps = static_cast<double>(switches.size() + sized.size()) + 2.0;
   for (const EffectSwitch& effect : switches) {
     if (options.progress) {
       options.progress(static_cast<double>(out.effects.size() + 1) / steps, effect.name);
@@ -317,7 +336,23 @@ TrialEffects WeighTrialEffects(const data::Study& asked, const TrialEffectsOptio
     out.effects.push_back(std::move(e));
   }
 
+  for (const SizedEffect& effect : sized) {
+    if (!bench.Trouble().empty()) break;
+    if (options.progress) {
+      options.progress(static_cast<double>(out.effects.size() + 1) / steps, effect.name);
+    }
+    TrialEffect e;
+    bench.WeighOfSize(effect, &e);
+    out.effects.push_back(std::move(e));
+  }
+
+  if (!Explains(out.fit)) {
+    if (options.progress) options.progress(1.0 - 1.0 / steps, "with what it may miss");
+    FitMissing(study, fit, sized, &out.effects);
+  }
+
   DoubtBesideOthers(&out.effects);
+  DoubtRivals(bench.rows(), &out.effects);
 
   // 3. All that is not needed left out together.
   if (options.progress) options.progress(1.0 - 1.0 / steps, "all that is not needed left out");

@@ -35,6 +35,10 @@ struct TrialEffect {
   };
   EffectSwitch effect;
   EffectVerdict verdict = EffectVerdict::kUnjudged;
+  /// Of one that the scene lacks and of which only the trial tells the size: that, its standard
+  /// error, in `unit`; empty: it has none.
+  double size = 0.0, size_sigma = 0.0;
+  std::string unit;
   std::string message;                ///< of one that failed, or why nothing can be told
   std::vector<std::string> released;  ///< parameters that go with it
   bool fitted = false;                ///< there is a fit: what follows is told
@@ -48,6 +52,7 @@ struct TrialEffect {
   double deviance_left = 0.0;  ///< by how much the fit as it is may still fall, likewise [-]
   /// Of the residuals' squares without the effect, what it takes away, parameters fitted [0, 1].
   double share = 0.0;
+  double left = 0.0;         ///< mean square of the whitened residuals with it switched [-]
   double probability = 0.5;  ///< that the effect is in the trial, one against the other [0, 1]
   double change = 0.0;       ///< of the fitted marks and channels, RMS in their sigmas [-]
   /// By how much `change` is uncertain with the parameters that go with the effect [-].
@@ -67,7 +72,7 @@ struct TrialEffect {
 struct TrialEffects {
   StudyFit fit;                       ///< as the study says
   double seconds = 0.0;               ///< of CPU, of it [s]
-  std::vector<TrialEffect> effects;   ///< as EffectsOf
+  std::vector<TrialEffect> effects;   ///< as EffectsOf, then as SizedEffectsOf
   std::vector<std::string> left_out;  ///< names: of the reduced scene
   std::vector<std::string> set;       ///< its overrides
   double reduced_change = 0.0;        ///< of the fit with all of these out, as TrialEffect::change

@@ -81,9 +81,11 @@ bool BetterWithout(const TrialEffect& e) {
 }  // namespace
 
 double ProbabilityOfEffect(double deviance, double rows, const TrialEffect& effect) {
-  const double released = static_cast<double>(effect.released.size());
-  const double rise = effect.effect.there ? deviance - released * std::log(rows) : deviance;
-  return Logistic(rise);
+  // Those that go with it, or its size, which comes with it.
+  const double more = effect.effect.there   ? static_cast<double>(effect.released.size())
+                      : effect.unit.empty() ? 0.0
+                                            : 1.0;
+  return Logistic(deviance - more * std::log(rows));
 }
 
 void JudgeEffect(const EffectJudge& judge, TrialEffect* e) {
@@ -97,7 +99,8 @@ void JudgeEffect(const EffectJudge& judge, TrialEffect* e) {
     e->verdict = EffectVerdict::kNeeded;
   } else if (judge.explained && e->settled && e->probability <= kSure && small) {
     e->verdict = EffectVerdict::kNotNeeded;
-  } else if (judge.explained && (there || e->settled) && against && e->released.empty()) {
+  } else if (judge.explained && (there || e->settled) && against && e->released.empty() &&
+             e->unit.empty()) {
     e->verdict = EffectVerdict::kAgainst;
   } else {
     e->verdict = EffectVerdict::kCannotTell;
