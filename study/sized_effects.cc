@@ -137,17 +137,20 @@ class SizeSearch {
     return e;
   }
 
-  // The first size whose change of the fitted rows is some `wanted` [sigmas]; not fitted: none is.
+  // At a size whose change of the fitted rows is some `wanted` [sigmas]; not fitted: none is.
   TrialEffect Seen(double wanted) const {
     constexpr int kTries = 8;        // 1e16 times the first size
     constexpr double kMost = 100.0;  // a step: what is too small is seen in rounding errors alone
-    constexpr double kNear = 3.0;
+    constexpr double kNear = 3.0;    // of `wanted`: sees as well
     double size = sized_.first;
     TrialEffect e = At(size);
-    for (int k = 1; k < kTries && e.fitted && e.change < wanted / kNear; ++k) {
-      size *= std::clamp(wanted / std::max(e.change, wanted / kMost), kNear, kMost);
+    for (int k = 1; k < kTries; ++k) {
+      const bool far = !e.fitted || e.change > kMost * wanted;
+      if (!far && e.change >= wanted / kNear) break;
+      size *=
+          far ? 1.0 / kMost : std::clamp(wanted / std::max(e.change, wanted / kMost), kNear, kMost);
       TrialEffect next = At(size);
-      if (!next.fitted) break;
+      if (e.fitted && !next.fitted) break;
       e = std::move(next);
     }
     return e;
@@ -193,9 +196,9 @@ std::vector<SizedEffect> SizedEffectsOf(const data::Scene& scene, const data::St
 
 void WeighSized(const SizedEffect& sized, double rows, const SizeSearch::Weigh& weigh,
                 TrialEffect* effect) {
-  constexpr double kSigmas = 5.0;  // where a parabola is taken: seen well, and near
-  constexpr int kRounds = 6;
-  constexpr double kSettledSize = 0.3;                // of a standard error
+  constexpr double kSigmas = 5.0;       // where a parabola is taken: seen well, and near
+  constexpr int kRounds = 6;            // of parabolas; three are usual
+  constexpr double kSettledSize = 0.3;  // of a standard error
   constexpr double kFarther = 4.0, kFarthest = 30.0;  // of the farthest size so far
   const SizeSearch search(sized, weigh);
   TrialEffect near = search.Seen(kSigmas / std::sqrt(rows));
