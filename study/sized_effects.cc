@@ -125,7 +125,7 @@ class SizeSearch {
   using Weigh = std::function<void(const std::vector<std::string>&, TrialEffect*)>;
   SizeSearch(const SizedEffect& sized, const Weigh& weigh) : sized_(sized), weigh_(weigh) {}
 
-  TrialEffect At(double size) const {
+  TrialEffect At(double size) {
     TrialEffect e;
     e.effect = {sized_.name, false, sized_.set};
     for (const std::string& key : sized_.keys) {
@@ -134,11 +134,20 @@ class SizeSearch {
     e.unit = sized_.unit;
     e.size = size;
     weigh_(e.effect.set, &e);
+    runs_ += e.runs;
+    looks_ += e.looks;
+    seconds_ += e.seconds;
     return e;
+  }
+  // What all of it has taken.
+  void Count(TrialEffect* e) const {
+    e->runs = runs_;
+    e->looks = looks_;
+    e->seconds = seconds_;
   }
 
   // At a size whose change of the fitted rows is some `wanted` [sigmas]; not fitted: none is.
-  TrialEffect Seen(double wanted) const {
+  TrialEffect Seen(double wanted) {
     constexpr int kTries = 8;        // 1e16 times the first size
     constexpr double kMost = 100.0;  // a step: what is too small is seen in rounding errors alone
     constexpr double kNear = 3.0;    // of `wanted`: sees as well
@@ -159,6 +168,8 @@ class SizeSearch {
  private:
   const SizedEffect& sized_;
   const Weigh& weigh_;
+  std::size_t runs_ = 0, looks_ = 0;
+  double seconds_ = 0.0;
 };
 
 // The parabola through nothing and two others.
@@ -200,20 +211,10 @@ void WeighSized(const SizedEffect& sized, double rows, const SizeSearch::Weigh& 
   constexpr int kRounds = 6;            // of parabolas; three are usual
   constexpr double kSettledSize = 0.3;  // of a standard error
   constexpr double kFarther = 4.0, kFarthest = 30.0;  // of the farthest size so far
-  const SizeSearch search(sized, weigh);
+  SizeSearch search(sized, weigh);
   TrialEffect near = search.Seen(kSigmas / std::sqrt(rows));
   *effect = near;
-  if (!near.fitted) return;
-  std::size_t runs = near.runs, looks = near.looks;
-  double seconds = near.seconds;
-  const auto at = [&](double size) {
-    TrialEffect e = search.At(size);
-    runs += e.runs;
-    looks += e.looks;
-    seconds += e.seconds;
-    return e;
-  };
-  TrialEffect far = at(2.0 * near.size);
+  TrialEffect far = near.fitted ? search.At(2.0 * near.size) : TrialEffect();
   for (int k = 0; k < kRounds && far.fitted; ++k) {
     const Parabola way(near, far);
     if (way.found() && !(way.vertex > 0.0)) {
@@ -225,7 +226,7 @@ void WeighSized(const SizedEffect& sized, double rows, const SizeSearch::Weigh& 
                         : far.deviance > 0.0 ? kFarther * far.size
                                              : 0.0;
     if (!(size > 0.0)) break;
-    TrialEffect next = at(size);
+    TrialEffect next = search.At(size);
     if (!next.fitted) break;
     const double sigma = way.found() ? way.sigma : 0.0;
     next.size_sigma = sigma;
@@ -236,9 +237,7 @@ void WeighSized(const SizedEffect& sized, double rows, const SizeSearch::Weigh& 
     if (size > near.size) near = std::move(far);
     far = std::move(next);
   }
-  effect->runs = runs;
-  effect->looks = looks;
-  effect->seconds = seconds;
+  search.Count(effect);
 }
 
 void FitMissing(const data::Study& study, const FitStudyOptions& options,
