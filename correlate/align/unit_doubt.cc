@@ -65,13 +65,18 @@ UnitRatios CompareUnits(const Observations& record, const Observations& referenc
   out.length = a / b;
   const double va = HighestSpeed(record, reference), vb = HighestSpeed(reference, record);
   if (va > 0.0 && vb > 0.0) out.time = (a / va) / (b / vb);
+  const double lasts = record.End() - record.Start(), of = reference.End() - reference.Start();
+  if (lasts > 0.0 && of > 0.0) out.duration = lasts / of;
   return out;
 }
 
 std::string UnitDoubt(const UnitRatios& ratios) {
   constexpr const char* kLengths[2] = {"millimetres", "micrometres"};
   constexpr const char* kTimes[2] = {"milliseconds", "microseconds"};
-  const int lengths = Thousands(ratios.length), times = Thousands(ratios.time);
+  constexpr double kAlike = 10.0;  // durations: what a factor of a thousand is told from
+  const int lengths = Thousands(ratios.length);
+  int times = Thousands(ratios.time);
+  if (ratios.duration > 1.0 / kAlike && ratios.duration < kAlike) times = 0;
   std::string words;
   if (times != 0) words = Words("times", times, kTimes);
   if (lengths != 0) words += (words.empty() ? "" : "; ") + Words("lengths", lengths, kLengths);

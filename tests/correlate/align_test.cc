@@ -4,6 +4,7 @@
 
 #include "base/statistics.h"
 #include "correlate/align/body_angle.h"
+#include "correlate/align/unit_doubt.h"
 #include "correlate/compare/metrics.h"
 #include "tests/correlate/two_link.h"
 #include "tests/repeats.h"
@@ -364,6 +365,14 @@ TEST(BodyAngle, FollowsTheLineBetweenTwoStrobedMarks) {
   }
   // Interpolated neighbours share samples, so the scatter of the variance is wider than white.
   EXPECT_NEAR(Variance(z), 1.0, 0.2);
+}
+
+// What hardly moves is slow in any unit, and a record that lasts as long is in the same one.
+TEST(UnitDoubt, DurationsThatAreAlikeSpeakForTheUnit) {
+  const UnitRatios still{.length = 1.0, .time = 1e-3, .duration = 0.9};
+  EXPECT_EQ(UnitDoubt(still), "");
+  const UnitRatios slip{.length = 1.0, .time = 1e3, .duration = 700.0};
+  EXPECT_THAT(UnitDoubt(slip), ::testing::HasSubstr("milliseconds"));
 }
 
 }  // namespace
