@@ -95,7 +95,7 @@ class SizedList {
     for (const data::SceneJoint& joint : scene_.joints) {
       if (joint.kind != kind || joint.drive) continue;
       const std::string table = "joint." + joint.name + ".";
-      Add(name, joint.name, unit, table + E::kKey + "." + key, first,
+      Add(name, joint.name, unit, fmt::format("{}{}.{}", table, E::kKey, key), first,
           with.empty() ? with : table + with);
     }
   }
