@@ -97,9 +97,9 @@ Told OfScene(const Common& common, const EffectsArguments& a) {
 
 void WritePage(const Common& common, const EffectsArguments& a, const Told& told) {
   report::Page page("Effects", a.input);
-  const std::string headline = Capitalised({told.closing.begin(), told.closing.end() - 1});
-  page.AddWords(told.explained ? report::Level::kGood : report::Level::kCare, headline,
-                {told.head});
+  const std::string closing(told.closing.begin(), told.closing.end() - 1);
+  page.AddWords(told.explained ? report::Level::kGood : report::Level::kCare,
+                Capitalised(told.headline.empty() ? closing : told.headline), {told.head});
   report::Table table;
   table.title = told.title;
   table.note = told.note;

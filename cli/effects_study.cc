@@ -7,6 +7,7 @@
 
 #include "base/error.h"
 #include "base/length.h"
+#include "base/number.h"
 #include "base/progress.h"
 #include "base/text.h"
 #include "data/study.h"
@@ -39,6 +40,21 @@ void RefuseSigma(const EffectsArguments& a) {
   if (a.duration != 0.0) {
     throw Error("is the trial's own", "--duration", "leave it out for a study");
   }
+}
+
+std::string SizeText(const study::TrialEffect& t) {
+  return NumberWithError(t.size, t.size_sigma) + UnitAfter(t.unit);
+}
+
+// What the trial misses, with its size, and what can be left out.
+std::string FoundWords(const study::TrialEffects& e) {
+  std::vector<std::string> missed;
+  for (const study::TrialEffect& t : e.effects) {
+    if (t.effect.there || t.verdict != study::EffectVerdict::kNeeded) continue;
+    missed.push_back(t.effect.name + (t.size_sigma > 0.0 ? " (" + SizeText(t) + ")" : ""));
+  }
+  return (missed.empty() ? "" : "the trial misses " + JoinWords(missed) + "; ") +
+         LeftOutWords(e.left_out);
 }
 
 // A row of the table and an object of the summary.
@@ -76,7 +92,7 @@ void AddEffect(const study::TrialEffect& t, EffectsTold* out) {
   out->json["effects"].push_back(std::move(one));
   std::vector<std::string> words;
   if (t.size_sigma > 0.0) {
-    words.push_back(fmt::format("size {:.3g} +- {:.2g} {}", t.size, t.size_sigma, t.unit));
+    words.push_back("size " + SizeText(t));
   }
   const std::string shifts = ShiftText(t);
   if (!shifts.empty()) words.push_back(shifts);
@@ -128,12 +144,12 @@ EffectsTold EffectsOfStudy(const Common& common, const EffectsArguments& a) {
               {"seconds", e.seconds},
               {"effects", ordered_json::array()}};
   for (const study::TrialEffect& t : e.effects) AddEffect(t, &out);
-  out.closing = fmt::format(
-      "(probability that the effect is in the trial; deviance: by how much -2 log likelihood rises "
+  out.note =
+      "probability that the effect is in the trial; deviance: by how much -2 log likelihood rises "
       "without it; held out: how much better stretches of the record are predicted with it, in "
-      "nats; change of the fitted motion in sigmas of the data; parameters in standard errors)\n"
-      "{}\n",
-      LeftOutWords(e.left_out));
+      "nats; change of the fitted motion in sigmas of the data; parameters in standard errors";
+  out.headline = FoundWords(e);
+  out.closing = fmt::format("({})\n{}\n", out.note, out.headline);
   out.explained = study::Explains(e.fit);
   if (!out.explained) {
     out.closing +=

@@ -24,6 +24,7 @@ struct EffectsTold {
   std::string message;    // of one that is not
   bool explained = true;  // a study's data, by its model or by the best of the rivals
   std::string head, closing;
+  std::string headline;                        // of a page; empty: the closing
   std::string title, note;                     // of the table; the note on a page only
   std::vector<std::vector<std::string>> rows;  // the first is the header
   std::vector<int> text_columns;               // of them

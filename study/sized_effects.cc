@@ -44,6 +44,7 @@ Scale ScaleOf(const data::Scene& scene) {
   for (const data::SceneJoint& joint : scene.joints) {
     lever(joint.inner);
     lever(joint.outer);
+    out.length += std::abs(joint.travel);
   }
   out.inertia += out.mass * out.length * out.length;
   return out;
@@ -84,7 +85,8 @@ class SizedList {
   template <typename E>
   void Joints(data::SceneJoint::Kind kind, const std::string& name, const std::string& unit,
               const std::string& key, double first, const std::string& with = {}) {
-    const auto has = [](const data::SceneJoint& j) {
+    const auto has = [kind](const data::SceneJoint& j) {
+      if (j.kind != kind) return false;
       bool found = false;
       data::VisitJointEffects(j, [&]<typename F>(const std::optional<F>& effect) {
         if constexpr (std::is_same_v<E, F>) found = effect.has_value();
