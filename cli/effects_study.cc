@@ -46,14 +46,14 @@ std::string SizeText(const study::TrialEffect& t) {
   return NumberWithError(t.size, t.size_sigma) + UnitAfter(t.unit);
 }
 
-// What the trial misses, with its size, and what can be left out.
+// What the scene lacks, with its size, and what can be left out.
 std::string FoundWords(const study::TrialEffects& e) {
   std::vector<std::string> missed;
   for (const study::TrialEffect& t : e.effects) {
     if (t.effect.there || t.verdict != study::EffectVerdict::kNeeded) continue;
     missed.push_back(t.effect.name + (t.size_sigma > 0.0 ? " (" + SizeText(t) + ")" : ""));
   }
-  return (missed.empty() ? "" : "the trial misses " + JoinWords(missed) + "; ") +
+  return (missed.empty() ? "" : "the scene lacks " + JoinWords(missed) + "; ") +
          LeftOutWords(e.left_out);
 }
 

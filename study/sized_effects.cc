@@ -305,10 +305,10 @@ void DoubtRivals(double rows, std::vector<TrialEffect>* effects) {
   for (TrialEffect& e : *effects) {
     if (!missed(e) || (alike.size() == 1 && e.effect.name == name)) continue;
     e.verdict = EffectVerdict::kCannotTell;
-    e.message =
-        e.left < most
-            ? fmt::format("the trial misses one of {}, and does not say which", JoinWords(alike))
-            : fmt::format("{} take more of what it takes: weigh it again with that", name);
+    e.message = e.left < most
+                    ? fmt::format("the scene lacks one of {}, and the trial does not say which",
+                                  JoinWords(alike))
+                    : fmt::format("{} take more of what it takes: weigh it again with that", name);
   }
 }
 

@@ -116,7 +116,7 @@ void DoubtBesideOthers(std::vector<TrialEffect>* effects) {
     if (e.effect.there && e.verdict == EffectVerdict::kAgainst) {
       why = fmt::format("the trial contradicts {}: weigh it again without", name);
     } else if (!e.effect.there && e.verdict == EffectVerdict::kNeeded) {
-      why = fmt::format("the trial misses {}: weigh it again with that", name);
+      why = fmt::format("the scene lacks {}: weigh it again with that", name);
     } else if (e.effect.there && e.fitted && BetterWithout(e)) {
       why = fmt::format(
           "the fit is better without {} than with any value of its own: it has not found its "

@@ -72,7 +72,7 @@ TEST_F(SizedEffectsTest, SizesScatterAsTheirErrorsSay) {
     // Over so few swings the laws differ little: that one is missed is plain, and not which.
     if (damper.verdict != EffectVerdict::kNeeded) {
       EXPECT_EQ(damper.verdict, EffectVerdict::kCannotTell);
-      EXPECT_THAT(damper.message, HasSubstr("the trial misses one of dampers of the joints"));
+      EXPECT_THAT(damper.message, HasSubstr("the scene lacks one of dampers of the joints"));
     }
     sum += std::pow((damper.size - 0.003) / damper.size_sigma, 2);
     for (const TrialEffect& one : e.effects) {
