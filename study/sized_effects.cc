@@ -244,13 +244,12 @@ void WeighSized(const SizedEffect& sized, double rows, const SizeSearch::Weigh& 
 
 void FitMissing(const data::Study& study, const FitStudyOptions& options,
                 const std::vector<SizedEffect>& sized, std::vector<TrialEffect>* effects) {
-  constexpr double kSurely = 0.99;  // as the verdicts
-  constexpr double kWidest = 1e3;   // of the size that was found: beyond any wrong start
+  constexpr double kWidest = 1e3;  // of the size that was found: beyond any wrong start
   for (TrialEffect& e : *effects) {
     const auto which = std::find_if(sized.begin(), sized.end(), [&](const SizedEffect& s) {
       return s.name == e.effect.name && !e.unit.empty();
     });
-    if (which == sized.end() || !(e.size > 0.0) || !(e.probability > kSurely)) continue;
+    if (which == sized.end() || !(e.size > 0.0) || !(e.probability > kSure)) continue;
     data::Study with = study;
     with.set.insert(with.set.end(), which->set.begin(), which->set.end());
     data::StudyParameter size;
@@ -286,7 +285,7 @@ void FitMissing(const data::Study& study, const FitStudyOptions& options,
 }
 
 void DoubtRivals(double rows, std::vector<TrialEffect>* effects) {
-  constexpr double kSure = 9.2;  // of -2 log likelihood: 100 to 1
+  constexpr double kApart = 9.2;  // of -2 log likelihood: 100 to 1
   const auto missed = [](const TrialEffect& e) {
     return !e.unit.empty() && e.verdict == EffectVerdict::kNeeded;
   };
@@ -296,7 +295,7 @@ void DoubtRivals(double rows, std::vector<TrialEffect>* effects) {
   }
   if (best == nullptr) return;
   // By the noise that the best has found; residuals below their sigmas tell no more than those.
-  const double most = best->left + kSure * std::max(1.0, best->left) / rows;
+  const double most = best->left + kApart * std::max(1.0, best->left) / rows;
   const std::string name = best->effect.name;
   std::vector<std::string> alike;
   for (const TrialEffect& e : *effects) {

@@ -12,8 +12,6 @@ namespace unfurl::study {
 
 namespace {
 
-constexpr double kSure = 0.99;  // 100 to 1
-
 // The probability that a rise of -2 log likelihood stands for.
 double Logistic(double rise) {
   return 1.0 / (1.0 + std::exp(std::clamp(-0.5 * rise, -700.0, 700.0)));
@@ -110,13 +108,18 @@ void JudgeEffect(const EffectJudge& judge, TrialEffect* e) {
 
 void DoubtBesideOthers(std::vector<TrialEffect>* effects) {
   std::string why;
+  std::vector<std::string> lacked;
+  for (const TrialEffect& e : *effects) {
+    if (!e.effect.there && e.verdict == EffectVerdict::kNeeded) lacked.push_back(e.effect.name);
+  }
   for (const TrialEffect& e : *effects) {
     if (!why.empty()) break;
     const std::string& name = e.effect.name;
     if (e.effect.there && e.verdict == EffectVerdict::kAgainst) {
       why = fmt::format("the trial contradicts {}: weigh it again without", name);
     } else if (!e.effect.there && e.verdict == EffectVerdict::kNeeded) {
-      why = fmt::format("the scene lacks {}: weigh it again with that", name);
+      why = fmt::format("the scene lacks {}{}: weigh it again with that",
+                        lacked.size() > 1 ? "one at least of " : "", JoinWords(lacked));
     } else if (e.effect.there && e.fitted && BetterWithout(e)) {
       why = fmt::format(
           "the fit is better without {} than with any value of its own: it has not found its "

@@ -6,6 +6,9 @@
 
 namespace unfurl::study {
 
+/// Of a probability: what verdicts ask, 100 to 1 [-].
+inline constexpr double kSure = 0.99;
+
 /// By what the effects of a trial are judged.
 struct EffectJudge {
   double part = 0.3;      ///< as TrialEffectsOptions [-]

@@ -101,7 +101,7 @@ TEST(TrialVerdict, BesideAWrongOneNothingIsNotNeeded) {
   EXPECT_THAT(verdict(e), HasSubstr("better without friction"));
   e = Seen("a finer mesh", false, 40.0, 0.5);
   e.verdict = EffectVerdict::kNeeded;
-  EXPECT_THAT(verdict(e), HasSubstr("misses a finer mesh"));
+  EXPECT_THAT(verdict(e), HasSubstr("the scene lacks a finer mesh"));
   e.effect.there = true;
   EXPECT_EQ(verdict(e), "");
 }
