@@ -179,9 +179,11 @@ data::Survey RandomPlaces(const data::Lab& lab, const PlanOptions& options) {
   return out;
 }
 
-// Calibrates on what the cameras would read of the places, without noise. `data` has the cameras.
+// Calibrates on what the cameras would read of the places, without noise. `data` has the cameras,
+// `floors_px` what their lens models miss besides.
 PlannedRig PlanSurvey(data::Survey survey, const Look& look, const std::string& where,
-                      const PlanOptions& options, const Observations& data) {
+                      const PlanOptions& options, const Observations& data,
+                      const std::vector<double>& floors_px) {
   const auto cameras = static_cast<Eigen::Index>(data.cameras.size());
   survey.u_px.setConstant(survey.p.cols(), cameras, std::numeric_limits<double>::quiet_NaN());
   survey.s_px = survey.u_px;
@@ -190,7 +192,8 @@ PlannedRig PlanSurvey(data::Survey survey, const Look& look, const std::string& 
       double u = 0.0;
       if (!look(static_cast<std::size_t>(c), survey.p.col(i), &u)) continue;
       survey.u_px(i, c) = u;
-      survey.s_px(i, c) = options.map.reading_sigma_px;
+      survey.s_px(i, c) =
+          std::hypot(options.map.reading_sigma_px, floors_px[static_cast<std::size_t>(c)]);
     }
   }
   survey.cameras = data.cameras;
@@ -202,6 +205,11 @@ PlannedRig PlanSurvey(data::Survey survey, const Look& look, const std::string& 
   const RigFit fit = FitRig(read, calibrate, where);
   PlannedRig plan;
   plan.rig = fit.rig;
+  for (std::size_t c = 0; c < floors_px.size(); ++c) {
+    data::RigCamera& camera = plan.rig.cameras[c];
+    camera.floor_px = std::hypot(data::FloorOf(plan.rig, c), floors_px[c]);
+    plan.rig.model_floor_px = std::max(plan.rig.model_floor_px, camera.floor_px);
+  }
   plan.weak = FindWeak(plan.rig, fit.priors, fit.bundle.summary.information);
   plan.advice = SurveyAdvice(read, fit.bundle.weighting, plan.rig, fit.priors);
   return plan;
@@ -226,8 +234,9 @@ PlannedRig PlanLab(const data::Lab& lab, const PlanOptions& options) {
     data.pixels.push_back(camera.sensor.pixels);
     data.pitch.push_back(camera.sensor.pitch);
   }
-  PlannedRig plan = PlanSurvey(options.survey ? *options.survey : RandomPlaces(lab, options), look,
-                               lab.path, options, data);
+  PlannedRig plan =
+      PlanSurvey(options.survey ? *options.survey : RandomPlaces(lab, options), look, lab.path,
+                 options, data, std::vector<double>(data.cameras.size(), 0.0));
   plan.sees = [look](std::size_t camera, const Eigen::Vector3d& p) {
     double u = 0.0;
     return look(camera, p, &u);
@@ -245,11 +254,13 @@ PlannedRig PlanRig(const data::Rig& rig, const PlanOptions& options) {
     return sees(camera, p) && measure::Project(rig.cameras[camera], p, u_px);
   };
   Observations data;
-  for (const data::RigCamera& camera : rig.cameras) {
-    data.cameras.push_back(camera.name);
-    data.pixels.push_back(camera.pixels);
+  std::vector<double> floors_px;  // its model follows itself to nothing, and the glass only so far
+  for (std::size_t c = 0; c < rig.cameras.size(); ++c) {
+    data.cameras.push_back(rig.cameras[c].name);
+    data.pixels.push_back(rig.cameras[c].pixels);
+    floors_px.push_back(data::FloorOf(rig, c));
   }
-  PlannedRig plan = PlanSurvey(*options.survey, look, "the points", options, data);
+  PlannedRig plan = PlanSurvey(*options.survey, look, "the points", options, data, floors_px);
   plan.sees = sees;
   plan.rig.volume_low = rig.volume_low;
   plan.rig.volume_high = rig.volume_high;

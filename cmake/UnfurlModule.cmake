@@ -136,8 +136,8 @@ function(unfurl_rooms_first program)
 endfunction()
 
 # Each TEST becomes one CTest entry; LABELS slow keeps it out of the default set. Those that the filters SLOW name are
-# kept out of it by themselves, and those of THOROUGH become a slow one besides, with all of the repeats that
-# tests/repeats.h leaves out of the quick one.
+# kept out of it by themselves, and those of THOROUGH become a slow one besides; slow ones make all of the repeats that
+# tests/repeats.h leaves out of the quick ones.
 function(unfurl_test name)
   cmake_parse_arguments(ARG "" "TIMEOUT" "SOURCES;LINKS;LABELS;SLOW;THOROUGH" ${ARGN})
   if(NOT ARG_TIMEOUT)
@@ -166,7 +166,8 @@ function(unfurl_test name)
   gtest_discover_tests(${name} ${discovery} TEST_FILTER "-${slow}"
     PROPERTIES TIMEOUT ${ARG_TIMEOUT} LABELS "${ARG_LABELS}")
   if(slow)
-    gtest_discover_tests(${name} ${discovery} TEST_FILTER "${slow}" PROPERTIES TIMEOUT 3600 LABELS slow)
+    gtest_discover_tests(${name} ${discovery} TEST_FILTER "${slow}"
+      PROPERTIES TIMEOUT 3600 LABELS slow ENVIRONMENT UNFURL_THOROUGH=1)
   endif()
   if(thorough)
     gtest_discover_tests(${name} ${discovery} TEST_FILTER "${thorough}" TEST_SUFFIX .Thorough

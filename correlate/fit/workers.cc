@@ -1,5 +1,8 @@
 #include "correlate/fit/workers.h"
 
+#include <fmt/format.h>
+
+#include <algorithm>
 #include <cmath>
 #include <exception>
 #include <semaphore>
@@ -11,6 +14,14 @@
 namespace unfurl::correlate {
 
 namespace {
+
+// Of a program, say, that runs for a fixed time, while its record's clock is not yet known.
+std::string Unanswered(const std::string& what, double t, double last) {
+  return fmt::format(
+      "{} is not known at {:.4g} s, and asked for until {:.4g} s (stamps.csv lists the times): "
+      "answer for longer, or state trial.offset",
+      what, t, last);
+}
 
 // Why the quantities of an answer cannot be used; empty: they can.
 std::string QuantityFault(const Stamps& stamps, const Prediction& p) {
@@ -32,7 +43,8 @@ std::string QuantityFault(const Stamps& stamps, const Prediction& p) {
     // As of marks: only what was before the start may be unknown.
     for (std::size_t i = 0; i < asked.t.size() && asked.t[i] <= asked.needed; ++i) {
       if (!std::isnan(values(static_cast<Eigen::Index>(i))) || asked.t[i] <= 0.0) continue;
-      return ("the model's " + asked.quantity + " ends too early");
+      return Unanswered("the model's " + asked.quantity, asked.t[i],
+                        std::min(asked.needed, asked.t.back()));
     }
   }
   return {};
@@ -59,7 +71,8 @@ void CheckWhole(const Stamps& stamps, Prediction* p) {
     // A model that starts in motion knows nothing of what was before; of all else it has to.
     for (std::size_t i = 0; i < motion.known.size(); ++i) {
       if (motion.known[i] || (!p->held_before && stamps.t[m][i] < 0.0)) continue;
-      return fail("the model's motion of " + stamps.marks[m] + " ends too early");
+      return fail(Unanswered("the model's motion of " + stamps.marks[m], stamps.t[m][i],
+                             stamps.t[m].back()));
     }
   }
   const std::string fault = QuantityFault(stamps, *p);

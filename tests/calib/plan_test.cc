@@ -151,5 +151,34 @@ TEST(PlannedSurvey, IsReachedWithinTenPercent) {
   EXPECT_NEAR(ratio, 1.0, 0.1 + chance);
 }
 
+#ifndef UNFURL_SLOW_TESTS
+
+// What a rig's glass does beside its model acts upon the next calibration as readings that scatter
+// more do, and upon what is then found.
+TEST(PlannedSurvey, OfARigHasItsFloors) {
+  const TracedLab lab(700);
+  PlanOptions options;
+  options.survey = PlannedPoints(lab);
+  options.map.reading_sigma_px = kReading;
+  options.map.columns = 3;
+  data::Rig rig = Reached(lab, *options.survey);
+  constexpr double kFloor = 0.07;  // [px]
+  for (data::RigCamera& camera : rig.cameras) camera.floor_px = kFloor;
+  const PlannedRig with = PlanRig(rig, options);
+  const UncertaintyMap map = MapUncertainty(with.rig, with.sees, options.map);
+  for (data::RigCamera& camera : rig.cameras) camera.floor_px = 0.0;
+  rig.model_floor_px = 0.0;
+  options.map.reading_sigma_px = std::hypot(kReading, kFloor);
+  const PlannedRig without = PlanRig(rig, options);
+  const UncertaintyMap noisy = MapUncertainty(without.rig, without.sees, options.map);
+  ASSERT_GT(noisy.Found(), 0.5);
+  // Both are the same bundle; 1e-3 for where its steps end.
+  for (const double p : {0.1, 0.5, 0.9}) {
+    EXPECT_NEAR(map.Quantile(p), noisy.Quantile(p), 1e-3 * noisy.Quantile(p));
+  }
+}
+
+#endif  // UNFURL_SLOW_TESTS
+
 }  // namespace
 }  // namespace unfurl::calib::plan_test

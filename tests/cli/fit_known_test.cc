@@ -223,5 +223,37 @@ TEST_F(FitProgramTest, ThatFailsSaysWhy) {
   EXPECT_THAT(Reasons(finer), HasSubstr("exit code 1: out of memory"));
 }
 
+// Half a period of a swing is that of the next half, turned: the clock that is found asks for more
+// than the program's 2 s.
+TEST_F(FitKnownTest, AProgramThatEndsTooEarlyIsToldUntilWhen) {
+  std::string tracks =
+      "t [s],mark,x [m],y [m],z [m],cxx [m^2],cxy [m^2],cxz [m^2],cyy [m^2],cyz [m^2],czz [m^2]\n";
+  for (int i = 1; i < 80; ++i) {
+    const double error = 1e-4 * std::sin(1e3 * i * i);
+    tracks += fmt::format("{},m,{},{},0,1e-8,0,0,1e-8,0,1e-8\n", 0.02 * i,
+                          0.7 * std::sin(0.06 * i) + error, error);
+  }
+  Put("swing.csv", tracks);
+  Put("swing.awk",
+      "{ gsub(/[^0-9.e+-]/, \" \"); a += $1 }\n"
+      "END { print \"mark,t [s],x [m],y [m]\" > \"swing.csv\"\n"
+      "for (i = 0; i <= 200; ++i) printf \"m,%.17g,%.17g,0\\n\", i / 100, a * sin(i * 0.03) > "
+      "\"swing.csv\" }\n");
+  const auto study = [](const char* clock) {
+    return fmt::format(
+        "[study]\nname = 'swing'\n[trial]\ntracks = 'swing.csv'\n{}[model]\n"
+        "command = ['env', 'LC_ALL=C', 'awk', '-f', '{{study}}/swing.awk', 'parameters.json']\n"
+        "tracks = 'swing.csv'\n[parameter.a]\nstart = 0.6\nbounds = [0.2, 2.0]\n",
+        clock);
+  };
+  Put("study.toml", study(""));
+  const Outcome lost = Run({"fit", "study.toml", "--allow-programs", "-o", "fit.h5"});
+  EXPECT_EQ(lost.code, 1);
+  EXPECT_THAT(lost.out, HasSubstr("the model's motion of m is not known at 2.0"));
+  EXPECT_THAT(lost.out, HasSubstr("answer for longer, or state trial.offset"));
+  Put("study.toml", study("offset = 0.0\nframe = 'known'\n"));
+  Good({"fit", "study.toml", "--allow-programs", "-o", "fit.h5", "--json"});
+}
+
 }  // namespace
 }  // namespace unfurl::cli::fit_known_test
