@@ -232,25 +232,10 @@ CameraGuess GuessFromBefore(const Observations& data, const Observations& own,
                             const CameraPoints& seen, int index, const GuessOptions& options,
                             const std::string& where) {
   const std::string& name = data.cameras[static_cast<std::size_t>(index)];
-  const KnownLens* before = FindLens(options.known, name);
-  if (before == nullptr) {
-    throw Error(fmt::format("camera \"{}\" is not among those whose lenses are known", name), where,
-                "give a rig of all the survey's cameras, or none");
-  }
   const int row = data.RowOf(index);
   const auto stated = static_cast<std::size_t>(index);
-  if (stated < data.pixels.size() && data.pixels[stated] > 0 && row != before->camera.pixels) {
-    throw Error(fmt::format("camera \"{}\" has {} pixels, and had {} in the rig that its lens is "
-                            "known from",
-                            name, row, before->camera.pixels),
-                where, "give the rig of the same cameras");
-  }
-  if (!(before->covariance(kFirstOfLens, kFirstOfLens) > 0.0)) {
-    throw Error(fmt::format("the rig that the lens of camera \"{}\" is known from states no "
-                            "uncertainty of it",
-                            name),
-                where, "give a rig that `unfurl calibrate` has made");
-  }
+  const bool states = stated < data.pixels.size() && data.pixels[stated] > 0;
+  const KnownLens* before = &RequireLens(options.known, name, states ? row : 0, where);
   auto with_lens = [&](data::RigCamera camera) {
     CameraGuess guess;
     guess.readings = static_cast<int>(seen.u.size());
@@ -260,13 +245,7 @@ CameraGuess GuessFromBefore(const Observations& data, const Observations& own,
     guess.camera.e = before->camera.e;
     guess.camera.terms_px = before->camera.terms_px;
     guess.richest = MakePrior(guess.camera, seen.p, 0.0, options);
-    for (int k = 0; k < kTerms; ++k) {
-      const Eigen::Index at = data::kFirstTerm + k;
-      guess.richest.term_sigma_px[static_cast<std::size_t>(k)] =
-          std::sqrt(std::max(before->covariance(at, at), 0.0));
-    }
-    guess.richest.lens_mean = LensOf(before->camera);
-    guess.richest.lens_root = before->Root();
+    KnowLens(*before, &guess.richest);
     guess.prior = guess.richest;
     guess.sigma_px = row;  // it may have been turned by any angle
     Resect(own, &guess);

@@ -1,15 +1,23 @@
 #include "calib/known_lens.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "base/dense.h"
+#include "base/error.h"
+#include "base/length.h"
 #include "base/pose.h"
 #include "base/statistics.h"
+#include "calib/bundle.h"
 #include "calib/covariance.h"
 
 namespace unfurl::calib {
 namespace {
+
+constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 
 // Of a camera's parameters, those of the lens that are free.
 std::vector<Eigen::Index> FreeOf(const Eigen::MatrixXd& covariance) {
@@ -33,6 +41,27 @@ void TestLens(const Eigen::VectorXd& q, const Eigen::MatrixXd& left, KnownLensEs
     out->freedom += 1.0;
   }
   if (out->freedom > 0.0) out->chance = ChiSquareTail(out->chi_square, out->freedom);
+}
+
+// Where a camera went.
+void Place(const KnownLens& before, const data::RigCamera& now, const Eigen::MatrixXd& covariance,
+           const Eigen::MatrixXd& root, KnownLensEstimate* out) {
+  // Where it was, given the lens: pose + K (lens now - lens then), and what that leaves open.
+  const Eigen::MatrixXd information = root.transpose() * root;
+  const Eigen::MatrixXd mixed = before.covariance.topRightCorner(kFirstOfLens, kLensParameters);
+  const Eigen::MatrixXd K = mixed * information;
+  Eigen::MatrixXd from_now(kFirstOfLens, kParameters);
+  from_now << Eigen::MatrixXd::Identity(kFirstOfLens, kFirstOfLens), -K;
+  const Eigen::MatrixXd open = before.covariance.topLeftCorner(kFirstOfLens, kFirstOfLens) -
+                               K * mixed.transpose() + from_now * covariance * from_now.transpose();
+  const Eigen::VectorXd corrected = K * (LensOf(now) - LensOf(before.camera));
+  out->moved = now.p_WC - (before.camera.p_WC + corrected.tail<3>());
+  out->moved_covariance = open.block<3, 3>(3, 3);
+  out->moved_sigma = SigmaAlong(out->moved_covariance, out->moved);
+  const Eigen::Vector3d turn = VectorFromRotation(
+      now.R_CW * (RotationFromVector(corrected.head<3>()) * before.camera.R_CW).transpose());
+  out->turned = turn.norm();
+  out->turned_sigma = SigmaAlong(open.block<3, 3>(0, 0), turn);
 }
 
 }  // namespace
@@ -77,8 +106,41 @@ const KnownLens* FindLens(const std::vector<KnownLens>& known, const std::string
   return found != known.end() ? &*found : nullptr;
 }
 
+const KnownLens& RequireLens(const std::vector<KnownLens>& known, const std::string& camera,
+                             int pixels, const std::string& where) {
+  const KnownLens* before = FindLens(known, camera);
+  if (before == nullptr) {
+    throw Error(fmt::format("camera \"{}\" is not among those whose lenses are known", camera),
+                where, "give a rig of all cameras, or none");
+  }
+  if (pixels > 0 && pixels != before->camera.pixels) {
+    throw Error(fmt::format("camera \"{}\" has {} pixels, and had {} in the rig that its lens is "
+                            "known from",
+                            camera, pixels, before->camera.pixels),
+                where, "give the rig of the same cameras");
+  }
+  if (!(before->covariance(kFirstOfLens, kFirstOfLens) > 0.0)) {
+    throw Error(fmt::format("the rig that the lens of camera \"{}\" is known from states no "
+                            "uncertainty of it",
+                            camera),
+                where, "give a rig that `unfurl calibrate` has made");
+  }
+  return *before;
+}
+
+void KnowLens(const KnownLens& before, CameraPrior* prior) {
+  prior->lens = before.camera.lens;
+  for (int k = 0; k < kTerms; ++k) {
+    const Eigen::Index at = data::kFirstTerm + k;
+    prior->term_sigma_px[static_cast<std::size_t>(k)] =
+        std::sqrt(std::max(before.covariance(at, at), 0.0));
+  }
+  prior->lens_mean = LensOf(before.camera);
+  prior->lens_root = before.Root();
+}
+
 std::vector<KnownLensEstimate> CompareLenses(const std::vector<KnownLens>& known,
-                                             const data::Rig& now) {
+                                             const data::Rig& now, bool one_frame) {
   std::vector<KnownLensEstimate> out;
   for (std::size_t j = 0; j < now.cameras.size(); ++j) {
     const data::RigCamera& camera = now.cameras[j];
@@ -89,26 +151,16 @@ std::vector<KnownLensEstimate> CompareLenses(const std::vector<KnownLens>& known
     const Eigen::VectorXd change = LensOf(camera) - LensOf(before->camera);
     const Eigen::MatrixXd root = before->Root();
 
-    // Where it was, given the lens: pose + K (lens now - lens then), and what that leaves open.
-    const Eigen::MatrixXd information = root.transpose() * root;
-    const Eigen::MatrixXd mixed = before->covariance.topRightCorner(kFirstOfLens, kLensParameters);
-    const Eigen::MatrixXd K = mixed * information;
-    Eigen::MatrixXd from_now(kFirstOfLens, kParameters);
-    from_now << Eigen::MatrixXd::Identity(kFirstOfLens, kFirstOfLens), -K;
-    const Eigen::MatrixXd open = before->covariance.topLeftCorner(kFirstOfLens, kFirstOfLens) -
-                                 K * mixed.transpose() +
-                                 from_now * covariance * from_now.transpose();
-    const Eigen::VectorXd corrected = K * change;
-
     KnownLensEstimate one;
     one.camera = camera.name;
-    one.moved = camera.p_WC - (before->camera.p_WC + corrected.tail<3>());
-    one.moved_covariance = open.block<3, 3>(3, 3);
-    one.moved_sigma = SigmaAlong(one.moved_covariance, one.moved);
-    const Eigen::Vector3d turn = VectorFromRotation(
-        camera.R_CW * (RotationFromVector(corrected.head<3>()) * before->camera.R_CW).transpose());
-    one.turned = turn.norm();
-    one.turned_sigma = SigmaAlong(open.block<3, 3>(0, 0), turn);
+    one.placed = one_frame;
+    if (one_frame) {
+      Place(*before, camera, covariance, root, &one);
+    } else {
+      one.moved.setConstant(kUnknown);
+      one.moved_covariance.setConstant(kUnknown);
+      one.moved_sigma = one.turned = one.turned_sigma = kUnknown;
+    }
     std::vector<Eigen::Index> free = FreeOf(before->covariance);
     for (Eigen::Index& k : free) k -= kFirstOfLens;
     const Eigen::MatrixXd left =
@@ -118,6 +170,28 @@ std::vector<KnownLensEstimate> CompareLenses(const std::vector<KnownLens>& known
     out.push_back(one);
   }
   return out;
+}
+
+void JudgeLenses(const std::vector<KnownLensEstimate>& lenses, double level, Tally* tally) {
+  const double each = ChanceOfEach(level, static_cast<double>(lenses.size()));
+  for (const KnownLensEstimate& lens : lenses) {
+    if (lens.chance < each) {
+      tally->care.push_back(
+          fmt::format("camera \"{}\": its lens is not the one that it was: they differ by a "
+                      "chi-square of {:.0f} "
+                      "with {:.0f} degrees, which chance makes with a probability of {:.1g}. Was "
+                      "it refocused or "
+                      "exchanged? Calibrate it from nothing (leave --lenses out)",
+                      lens.camera, lens.chi_square, lens.freedom, lens.chance));
+    }
+    if (!lens.placed) continue;
+    const LengthUnit unit = UnitFor(std::max(lens.moved.norm(), lens.moved_sigma));
+    tally->fine.push_back(fmt::format(
+        "camera \"{}\" stands {:.3g} +- {:.2g} {} and {:.3g} +- {:.2g} mrad from where it was when "
+        "its lens was calibrated",
+        lens.camera, unit.per_metre * lens.moved.norm(), unit.per_metre * lens.moved_sigma,
+        unit.name, 1e3 * lens.turned, 1e3 * lens.turned_sigma));
+  }
 }
 
 }  // namespace unfurl::calib

@@ -5,9 +5,12 @@
 #include <vector>
 
 #include "calib/parameters.h"
+#include "calib/tally.h"
 #include "data/rig.h"
 
 namespace unfurl::calib {
+
+struct CameraPrior;
 
 /// First of a lens's parameters in a camera's, and how many: f, u0, e and the terms (data/rig.h).
 inline constexpr int kFirstOfLens = 6;
@@ -32,9 +35,19 @@ std::vector<KnownLens> KnownLensesOf(const data::Rig& rig);
 /// That of a camera by its name; null: it is not among them.
 const KnownLens* FindLens(const std::vector<KnownLens>& known, const std::string& camera);
 
+/// That of a camera; Error where it is not among them, has another row than `pixels` (0: not
+/// stated), or the calibration before states no uncertainty of it.
+const KnownLens& RequireLens(const std::vector<KnownLens>& known, const std::string& camera,
+                             int pixels, const std::string& where);
+
+/// The lens in the place of what the prior says of e and the terms.
+void KnowLens(const KnownLens& before, CameraPrior* prior);
+
 /// What became of a camera since the calibration that its lens is known from.
 struct KnownLensEstimate {
   std::string camera;
+  /// Both calibrations are in one frame: `moved` to `turned_sigma` are known, and NaN else.
+  bool placed = true;
   Eigen::Vector3d moved = Eigen::Vector3d::Zero();  ///< of its place [m]
   double moved_sigma = 0.0;                         ///< along that, both calibrations' [m]
   /// Of `moved`, both calibrations'. Its length is that of a vector with noise, and longer than the
@@ -47,8 +60,13 @@ struct KnownLensEstimate {
 };
 
 /// Of the cameras of `now` that are among the known. Where a camera was is corrected by what is
-/// known of its lens now, so that what both calibrations leave open alike drops out.
+/// known of its lens now, so that what both calibrations leave open alike drops out. Where they are
+/// not in one frame nothing is said of that.
 std::vector<KnownLensEstimate> CompareLenses(const std::vector<KnownLens>& known,
-                                             const data::Rig& now);
+                                             const data::Rig& now, bool one_frame = true);
+
+/// Whether each lens is still that, at a chance of `level` for all of them, and where its camera
+/// went.
+void JudgeLenses(const std::vector<KnownLensEstimate>& lenses, double level, Tally* tally);
 
 }  // namespace unfurl::calib

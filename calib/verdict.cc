@@ -192,28 +192,6 @@ void JudgeSetUps(const CalibrationReport& report, data::Rig* rig, Tally* tally) 
   rig->checks["set_ups_off [1]"] = off;
 }
 
-// Lenses that were known before: whether each is still that, and where its camera went.
-void JudgeLenses(const CalibrationReport& report, const VerdictOptions& options, Tally* tally) {
-  const double each = ChanceOfEach(options.lens_level, static_cast<double>(report.lenses.size()));
-  for (const KnownLensEstimate& lens : report.lenses) {
-    if (lens.chance < each) {
-      tally->care.push_back(
-          fmt::format("camera \"{}\": its lens is not the one that it was: they differ by a "
-                      "chi-square of {:.0f} "
-                      "with {:.0f} degrees, which chance makes with a probability of {:.1g}. Was "
-                      "it refocused or "
-                      "exchanged? Calibrate it from nothing (leave --lenses out)",
-                      lens.camera, lens.chi_square, lens.freedom, lens.chance));
-    }
-    const LengthUnit unit = UnitFor(std::max(lens.moved.norm(), lens.moved_sigma));
-    tally->fine.push_back(fmt::format(
-        "camera \"{}\" stands {:.3g} +- {:.2g} {} and {:.3g} +- {:.2g} mrad from where it was when "
-        "its lens was calibrated",
-        lens.camera, unit.per_metre * lens.moved.norm(), unit.per_metre * lens.moved_sigma,
-        unit.name, 1e3 * lens.turned, 1e3 * lens.turned_sigma));
-  }
-}
-
 // What the residuals follow that nothing in the model makes, and parts of the field that nothing
 // tested.
 void JudgeTrends(const CalibrationReport& report, data::Rig* rig, Tally* tally) {
@@ -302,7 +280,7 @@ void Judge(const CalibrationReport& report, const Observations& data, data::Rig*
   JudgeFit(report, options, rig, &tally);
   JudgeSurvey(report, data, options, rig, &tally);
   JudgeSetUps(report, rig, &tally);
-  JudgeLenses(report, options, &tally);
+  JudgeLenses(report.lenses, options.lens_level, &tally);
   JudgeTrends(report, rig, &tally);
   JudgeCoverage(report, options, rig, &tally);
   ListWeak(report, rig, &tally);

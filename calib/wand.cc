@@ -177,6 +177,8 @@ WandCalibration CalibrateWand(const WandData& data, const WandOptions& options,
   ReportCameras(out.fit, &report);
   ReportBar(out.fit, &report);
   ReportLate(data, out.fit, &report);
+  // Where they were is known in the survey's frame.
+  report.lenses = CompareLenses(options.fit.lenses, out.rig, framed.by_points);
   const std::vector<WandGridPoint> grid = WandGrid(out.fit);
   report.shapes = ShapesOf(out.fit, framed.covariance, grid);
   report.distance_sigma = DistanceSigma(framed.covariance, grid);

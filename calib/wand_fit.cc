@@ -18,6 +18,7 @@
 #include "calib/open_terms.h"
 #include "calib/wand_exchanged.h"
 #include "calib/wand_gross.h"
+#include "calib/wand_lenses.h"
 #include "calib/wand_poses.h"
 #include "calib/wand_search.h"
 #include "measure/camera_model.h"
@@ -267,8 +268,14 @@ WandSearch FirstCameras(const WandData& data, const WandData& still, const WandF
 
 }  // namespace
 
-WandFit FitWand(const WandData& data, const WandFitOptions& options, const std::string& where) {
-  options.Check();
+WandFit FitWand(const WandData& given, const WandFitOptions& asked, const std::string& where) {
+  asked.Check();
+  WandData data = given;
+  WandFitOptions options = asked;
+  if (!options.lenses.empty()) {
+    options.guess.lens = RequireLenses(options.lenses, where, &data);
+    options.order = -1;
+  }
   const WandData still = AtPoseTimes(data);
   RefuseStillCameras(AsPoints(still, still.Length()), where);
   WandSearch search = FirstCameras(data, still, options, where);
@@ -278,6 +285,7 @@ WandFit FitWand(const WandData& data, const WandFitOptions& options, const std::
   fit.data = still;
   fit.priors = few.priors;
   fit.rivals = std::move(search.rivals);
+  fit.handed = few.handed;
   const std::vector<double>& sigma = few.weighting.floor_px;
   std::vector<int> number(data.cameras.size());
   std::iota(number.begin(), number.end(), 0);

@@ -6,6 +6,7 @@
 #include "base/pose.h"
 #include "calib/bundle.h"
 #include "calib/initial_guess.h"
+#include "calib/known_lens.h"
 #include "calib/wand_bundle.h"
 #include "calib/wand_data.h"
 #include "calib/wand_guess.h"
@@ -30,6 +31,9 @@ struct WandFitOptions {
   // Where the cameras stand, about, by name: an earlier rig, or where they were meant to. Empty:
   // they are found from nothing.
   std::vector<data::RigCamera> from;
+  // Lenses of the same cameras from a calibration before they were moved, all or none: in the place
+  // of guess.lens, order and the priors of e and the terms.
+  std::vector<KnownLens> lenses;
 
   // Throws Error that names a value which makes no sense.
   void Check() const;
@@ -59,7 +63,7 @@ struct WandFit {
   std::vector<WandRival> rivals;
   bool settled = false;    // variances and what is left out changed no more
   bool by_points = false;  // the frame is the survey's
-  // The survey tells the rig from its mirror image: points off a plane.
+  // The rig is told from its mirror image: by surveyed points off a plane, or by known lenses.
   bool handed = false;
 
   // Rows of `system.covariance` that are the cameras'; those of the marks' places follow.

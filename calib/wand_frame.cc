@@ -209,9 +209,13 @@ Pose HandByPlan(const WandFrame& frame, const std::string& where, WandFit* fit, 
   const RigidFit plain = FitRigid(planned, found);
   // With p -> -p a camera at p that views p + v is one at -p that views -p - v.
   const RigidFit mirror = FitRigid(planned, -found);
-  *handed = std::min(plain.rms, mirror.rms) < kBeyondDoubt * std::max(plain.rms, mirror.rms);
-  if (mirror.rms >= plain.rms) return plain.X_AB;
+  const bool told =
+      std::min(plain.rms, mirror.rms) < kBeyondDoubt * std::max(plain.rms, mirror.rms);
+  *handed = told || fit->handed;
+  if (mirror.rms >= plain.rms || (fit->handed && !told)) return plain.X_AB;
   MoveWand(Pose::Identity(), true, fit);
+  // A lens that is known stays as it is.
+  if (fit->priors.front().KnowsLens()) RefitWand(BundleOptions{}, fit);
   return mirror.X_AB;
 }
 
@@ -266,6 +270,7 @@ FramedWand SetFrame(const WandFrame& frame, const std::string& where, WandFit* f
   out.handed = fit->handed;
   if (fit->by_points && frame.cameras.empty() && frame.plumb.empty()) {
     out.words = "by the surveyed points";
+    out.by_points = true;
     if (!frame.layout.empty() && !out.handed) {
       // Points in one plane: the mirror image through it has them, too. The plan knows.
       const Eigen::Vector3d before = fit->state.cameras.front().p_WC;

@@ -44,6 +44,7 @@ bool PlaceOf(const WandFit& fit, const Eigen::Vector3d& p, const std::vector<cha
 struct FramedWand {
   Eigen::MatrixXd covariance;  // 31 c x 31 c, of the cameras in that frame
   std::string words;           // where the frame comes from
+  bool by_points = false;      // it is the survey's
   bool handed = false;         // it is known that the rig is not the mirror image
 };
 

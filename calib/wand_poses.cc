@@ -229,11 +229,12 @@ void TakeFrame(const std::string& where, WandFit* fit) {
   const Eigen::Matrix3Xd p = points.p(Eigen::all, found), q = at(Eigen::all, found);
   if (!FixFrame(p)) return;  // on one line
   const RigidFit plain = FitRigid(p, q), mirror = FitRigid(p, -q);
-  const bool mirrored = mirror.rms < plain.rms;
+  // Off a plane, the mirror image misses the points by about that much.
+  const bool told = std::min(plain.rms, mirror.rms) < 0.5 * std::max(plain.rms, mirror.rms);
+  const bool mirrored = mirror.rms < plain.rms && (told || !fit->handed);
   MoveWand(mirrored ? mirror.X_AB : plain.X_AB, mirrored, fit);
   fit->by_points = true;
-  // Off a plane, the mirror image misses the points by about that much.
-  fit->handed = std::min(plain.rms, mirror.rms) < 0.5 * std::max(plain.rms, mirror.rms);
+  fit->handed = fit->handed || told;
   for (Eigen::Index i = 0; i < points.p.cols(); ++i) fit->state.points.col(i) = points.p.col(i);
 }
 

@@ -12,6 +12,7 @@
 #include "base/statistics.h"
 #include "calib/model_order.h"
 #include "calib/wand_gross.h"
+#include "calib/wand_lenses.h"
 #include "calib/wand_poses.h"
 #include "calib/wand_shape.h"
 
@@ -24,8 +25,6 @@ constexpr int kTried =
     2;  // rounds after which cameras that miss by kFar as much are on no good way
 constexpr double kFar = 10.0;        // of kEnough
 constexpr double kOtherShape = 5.0;  // of the predicted error of distances: not by chance the same
-// 2 ln of odds of a million to one, by which one minimum is preferred to another [-].
-constexpr double kSure = 27.6;
 
 // Robust scale of all residuals, each over the root of its redundancy [px].
 double RobustScale(const WandSummary& summary, const WandSystem& system) {
@@ -135,7 +134,7 @@ WandSearch Compare(const BundleOptions& options, std::vector<WandFit> fits) {
                           : kOtherShape * DistanceSigma(fits[least].CameraCovariance(), grid);
   for (std::size_t k = 0; k < fits.size(); ++k) {
     const double worse = 2.0 * (cost[k] - cost[least]);
-    if (k == least || worse > kSure) continue;
+    if (k == least || worse > kPreferred) continue;
     const double apart = Apart(fits[least], fits[k]);
     if (apart > same) out.rivals.push_back({apart, worse});
   }
@@ -189,7 +188,11 @@ WandSearch SearchWand(const WandData& data, const WandFitOptions& options,
   const auto take = [&](const WandGuess& guess) {
     WandFit fit;
     if (!StartFit(few, guess, options, &fit)) return false;
-    const double scale = RobustWand(options.bundle, &fit);
+    double scale = RobustWand(options.bundle, &fit);
+    // A few poses do not tell the lenses, but leave something over where those are known.
+    if (!options.lenses.empty() && (scale < enough || !std::isfinite(scale))) {
+      scale = TakeLenses(options.lenses, options.bundle, &fit);
+    }
     bare = bare || !std::isfinite(scale);
     if (scale < enough) {
       good.push_back(std::move(fit));
@@ -204,12 +207,18 @@ WandSearch SearchWand(const WandData& data, const WandFitOptions& options,
   } else {
     take(GuessWandFrom(few, options.from, options.guess, where));
   }
+  if (!options.lenses.empty() && good.empty() && std::isfinite(least)) {
+    TakeLenses(options.lenses, options.bundle, &fallback.best);
+  }
   if (!good.empty()) return Compare(options.bundle, std::move(good));
   if (std::isfinite(least)) return fallback;
   if (bare) {
-    throw Error(fmt::format("{} poses read by {} cameras leave nothing over to check them with",
-                            few.pose_count(), few.camera_count()),
-                where, "wave the bar through some hundred poses, or use more cameras");
+    throw Error(
+        fmt::format("{} poses read by {} cameras leave nothing over to check them with",
+                    few.pose_count(), few.camera_count()),
+        where,
+        "wave the bar through some hundred poses, use more cameras, or give their lenses as "
+        "they were calibrated before (--lenses)");
   }
   throw Error("no poses of the bar fit the cameras that were found", where,
               "check that readings and --bar belong together, wave it through more poses, or give "

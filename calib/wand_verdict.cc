@@ -256,7 +256,8 @@ void JudgeRows(const WandReport& report, const VerdictOptions& options, data::Ri
     (large ? tally->care : tally->fine).push_back(floor);
   }
   rig->checks["row_covered [1]"] = Median(shares);
-  if (Median(shares) < options.least_row) {
+  // Of lenses that were known before, that calibration tested the rest.
+  if (report.lenses.empty() && Median(shares) < options.least_row) {
     tally->care.push_back(fmt::format(
         "the bar covered {:.0f}% of the rows (median of the cameras): what lies beyond was not "
         "tested. Take it through all of the volume that is used",
@@ -327,6 +328,7 @@ void JudgeWand(const WandFit& fit, const std::vector<double>& sigmas, const Wand
   JudgeRows(report, options, rig, &tally);
   JudgeMotion(fit, report, rig, &tally);
   JudgeStated(fit, report, options, &tally);
+  JudgeLenses(report.lenses, options.lens_level, &tally);
   rig->checks["handed [1]"] = report.handed ? 1.0 : 0.0;
   if (!report.handed) {
     tally.care.push_back(

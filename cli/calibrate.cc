@@ -206,6 +206,7 @@ int RunCalibrate(const Common& common, const CalibrateArguments& arguments) {
 int RunWand(const Common& common, const CalibrateArguments& arguments) {
   WandArguments wand = arguments.wand;
   wand.layout = arguments.layout;
+  wand.lenses = arguments.lenses;
   wand.need = arguments.need;
   wand.out = arguments.out;
   wand.report = arguments.report;
@@ -270,7 +271,7 @@ Verb AddCalibrate(CLI::App& program, Common& common) {
   CLI::Option* lenses = files.Read("--lenses", &arguments->lenses,
                                    "A rig of the same cameras, calibrated before they were moved: "
                                    "their lenses are known from it, "
-                                   "and 8 points do [HDF5]");
+                                   "and 8 points do, or a shorter wave of the bar [HDF5]");
   app->add_flag("--steady", arguments->options.trends.steady,
                 "Station and cameras did not move during the survey, as a back sight and a mark "
                 "that stays show: points may then be measured in the order of their places");
@@ -310,10 +311,6 @@ Verb AddCalibrate(CLI::App& program, Common& common) {
   AddWandOptions(app, files, &arguments->wand);
   verb.run = [&common, arguments] {
     if (!arguments->wand.readings.empty()) {
-      if (!arguments->lenses.empty()) {
-        throw Error("is given beside --wand", "--lenses",
-                    "a bar's cameras take no lenses from before: leave one of the two out");
-      }
       if (arguments->options.trends.steady) {
         throw Error("is given beside --wand", "--steady",
                     "nothing asks a bar's poses for their order: leave it out");

@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <cmath>
+#include <utility>
 
 #include "cli/set_ups_json.h"
 #include "data/rig.h"
@@ -23,6 +24,30 @@ ordered_json SixOf(const Eigen::Matrix3d& c) {
 }
 
 }  // namespace
+
+ordered_json LensesJson(const std::vector<calib::KnownLensEstimate>& lenses) {
+  ordered_json out = ordered_json::array();
+  for (const calib::KnownLensEstimate& lens : lenses) {
+    ordered_json one = {{"camera", lens.camera}};
+    if (lens.placed) {
+      one["moved"] = {lens.moved.x(), lens.moved.y(), lens.moved.z()};
+      one["moved_sigma"] = lens.moved_sigma;
+      one["moved_covariance"] = SixOf(lens.moved_covariance);
+      one["turned"] = lens.turned;
+      one["turned_sigma"] = lens.turned_sigma;
+    } else {
+      for (const char* name :
+           {"moved", "moved_sigma", "moved_covariance", "turned", "turned_sigma"}) {
+        one[name] = nullptr;
+      }
+    }
+    one["chi_square"] = lens.chi_square;
+    one["degrees_of_freedom"] = lens.freedom;
+    one["chance"] = lens.chance;
+    out.push_back(std::move(one));
+  }
+  return out;
+}
 
 ordered_json CalibrationJson(const calib::Calibration& result, const std::string& survey,
                              const std::string& rig) {
@@ -62,18 +87,7 @@ ordered_json CalibrationJson(const calib::Calibration& result, const std::string
     if (!error.set_up.empty()) summary["common"].back()["set_up"] = error.set_up;
   }
   summary["set_ups"] = SetUpsJson(result.report.set_ups);
-  summary["lenses"] = ordered_json::array();
-  for (const calib::KnownLensEstimate& lens : result.report.lenses) {
-    summary["lenses"].push_back({{"camera", lens.camera},
-                                 {"moved", {lens.moved.x(), lens.moved.y(), lens.moved.z()}},
-                                 {"moved_sigma", lens.moved_sigma},
-                                 {"moved_covariance", SixOf(lens.moved_covariance)},
-                                 {"turned", lens.turned},
-                                 {"turned_sigma", lens.turned_sigma},
-                                 {"chi_square", lens.chi_square},
-                                 {"degrees_of_freedom", lens.freedom},
-                                 {"chance", lens.chance}});
-  }
+  summary["lenses"] = LensesJson(result.report.lenses);
   summary["orders"] = ordered_json::array();
   for (const calib::OrderTrial& trial : result.report.orders) {
     summary["orders"].push_back({{"name", calib::OrderName(trial)},

@@ -14,6 +14,7 @@
 #include "base/table.h"
 #include "calib/layout.h"
 #include "calib/verdict.h"
+#include "cli/calibrate_json.h"
 #include "cli/calibrate_wand_page.h"
 #include "data/lab.h"
 #include "data/rig.h"
@@ -61,6 +62,7 @@ ordered_json Json(const calib::WandCalibration& result, const WandArguments& arg
     out["shapes"].push_back(
         {{"name", shape.name}, {"strain", shape.sigma}, {"moved", shape.moved}});
   }
+  out["lenses"] = LensesJson(report.lenses);
   for (const auto& [name, value] : result.rig.checks) {
     out["checks"][name] = std::isfinite(value) ? ordered_json(value) : ordered_json(nullptr);
   }
@@ -157,6 +159,10 @@ int RunCalibrateWand(const Common& common, const WandArguments& arguments) {
   if (!arguments.from.empty()) {
     provenance.AddInput(arguments.from);
     options.fit.from = StartOf(arguments.from, data.cameras);
+  }
+  if (!arguments.lenses.empty()) {
+    provenance.AddInput(arguments.lenses);
+    options.fit.lenses = calib::KnownLensesOf(data::ReadRig(arguments.lenses));
   }
   Progress progress("calibrate", !common.quiet && !common.json);
   options.progress = [&](double done) { progress.Update(done); };

@@ -10,7 +10,7 @@ namespace unfurl::cli {
 
 // `calibrate --wand`: what was typed.
 struct WandArguments {
-  std::string readings, bar, points, layout, from, out, report, need, lens, order;
+  std::string readings, bar, points, layout, from, lenses, out, report, need, lens, order;
   std::vector<std::string> frame;  // cameras
   calib::WandOptions options;
 };

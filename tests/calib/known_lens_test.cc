@@ -11,8 +11,6 @@
 
 #include "base/dense.h"
 #include "base/error.h"
-#include "base/pose.h"
-#include "base/random_vector.h"
 #include "base/worker_pool.h"
 #include "calib/calibrate.h"
 #include "calib/covariance.h"
@@ -29,17 +27,6 @@ using testing::TracedLab;
 
 constexpr std::size_t kRepeats = testing::Labs(8, 100);
 constexpr int kMany = 150, kFew = 16, kChecks = 60;  // points
-
-Eigen::Vector3d Draw(Rng* rng, double size) { return size * NormalVector(rng); }
-
-// Each camera bumped, by some millimetres and milliradians.
-void Bump(TracedLab* lab, double metres, double radians) {
-  Rng rng = lab->rng.Stream("bump");
-  for (auto& camera : lab->truth.cameras) {
-    camera.X_WC.translation() += Draw(&rng, metres);
-    camera.X_WC.linear() = camera.X_WC.linear() * RotationFromVector(Draw(&rng, radians));
-  }
-}
 
 CalibrateOptions One() {
   CalibrateOptions options;
@@ -58,7 +45,7 @@ Trial TryOne(std::uint64_t seed) {
   TracedLab lab(seed);
   const data::Rig before = FitRig(lab.Survey(kMany), One(), "before").rig;
   const TracedLab was = lab;
-  Bump(&lab, 5e-3, 5e-3);
+  lab.Bump(5e-3, 5e-3);
   lab.rng = Rng(seed + 7000);
   const Observations few = lab.Survey(kFew);
   CalibrateOptions known = One();

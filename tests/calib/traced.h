@@ -5,7 +5,9 @@
 #include <vector>
 
 #include "base/dense.h"
+#include "base/pose.h"
 #include "base/random.h"
+#include "base/random_vector.h"
 #include "calib/observations.h"
 #include "data/lab.h"
 #include "measure/lens_camera.h"
@@ -43,6 +45,16 @@ struct TracedLab {
         rng(seed) {}
   TracedLab(const data::Lab& lab, double half_side, std::uint64_t seed)
       : truth(measure::MakeVirtualRig(lab)), rng(seed), half(half_side) {}
+
+  // Each camera, by some metres and radians an axis.
+  void Bump(double metres, double radians) {
+    Rng drawn = rng.Stream("bump");
+    for (auto& camera : truth.cameras) {
+      camera.X_WC.translation() += metres * NormalVector(&drawn);
+      const Eigen::Vector3d turn = radians * NormalVector(&drawn);
+      camera.X_WC.linear() = camera.X_WC.linear() * RotationFromVector(turn);
+    }
+  }
 
   bool Read(std::size_t camera, const Eigen::Vector3d& p, double* u) const {
     measure::SpotLight spot;
