@@ -54,12 +54,13 @@ struct FloorReadings {
     return sum;
   }
 
-  // The square of the floor that makes the score 0 [px^2]; 0 where chance alone explains it.
-  // Precise readings count most: of stated sigmas that differ tenfold, the sum of r^2 / v would
-  // tell of the coarse ones alone, which are nearly all redundant.
-  double Square() const {
+  // The square of the floor that makes the score 0 [px^2]; 0 where the score without is not above
+  // `chance` of its standard deviations. Precise readings count most: of stated sigmas that differ
+  // tenfold, the sum of r^2 / v would tell of the coarse ones alone, which are nearly all
+  // redundant.
+  double Square(double chance) const {
     double spread = 0.0, low = 0.0, high = 0.0;
-    if (Score(0.0, &spread) <= kFloorSigmas * spread) return 0.0;
+    if (Score(0.0, &spread) <= chance * spread) return 0.0;
     const double least = std::accumulate(redundancy.begin(), redundancy.end(), 0.0);
     for (const double r : residual) high = std::max(high, r);
     high *= static_cast<double>(own.size()) / least;
@@ -72,8 +73,8 @@ struct FloorReadings {
 };
 
 // The floor of some cameras' readings [px^2], at most a doubling of the whole error.
-double FloorOfReadings(const WandFit& fit, double gross_sigmas, const std::vector<char>& camera,
-                       double* redundant) {
+double FloorOfReadings(const WandFit& fit, double gross_sigmas, double chance,
+                       const std::vector<char>& camera, double* redundant) {
   FloorReadings some;
   std::vector<double> whole;
   *redundant = 0.0;
@@ -94,23 +95,37 @@ double FloorOfReadings(const WandFit& fit, double gross_sigmas, const std::vecto
     *redundant += redundancy;
   }
   if (!(*redundant > 0.0)) return 0.0;
-  return std::min(some.Square(), kMostGrowth * Median(whole));
+  return std::min(some.Square(chance), kMostGrowth * Median(whole));
 }
 
+// How floors follow the residuals. Where little is redundant they would come and go for ever:
+// residuals, and what is redundant, are larger with a floor than without.
+struct FloorCourse {
+  // Half steps; a floor that was found is not given up for being within chance, and who shares one
+  // goes on to.
+  bool steady = false;
+  std::vector<char> shares;  // of each camera
+};
+
 // Floors by camera and the bar's unrest by variance components; the largest relative change.
-double UpdateVariances(double gross_sigmas, WandFit* fit) {
+double UpdateVariances(double gross_sigmas, FloorCourse* course, WandFit* fit) {
   const WandData& data = fit->data;
   const std::size_t c = data.cameras.size();
   double change = 0.0, redundant = 0.0;
-  const double shared = FloorOfReadings(*fit, gross_sigmas, std::vector<char>(c, 1), &redundant);
+  const double shared =
+      FloorOfReadings(*fit, gross_sigmas, kFloorSigmas, std::vector<char>(c, 1), &redundant);
   const double s = MedianSigma(data);
   std::vector<double> floors;
+  course->shares.resize(c, 0);
   for (std::size_t j = 0; j < c; ++j) {
     std::vector<char> own(c, 0);
     own[j] = 1;
-    const double square = FloorOfReadings(*fit, gross_sigmas, own, &redundant);
-    floors.push_back(std::sqrt(redundant < kFewRedundant ? shared : square));
     const double before = fit->weighting.floor_px[j];
+    const double chance = course->steady && before > 0.0 ? 0.0 : kFloorSigmas;
+    const double square = FloorOfReadings(*fit, gross_sigmas, chance, own, &redundant);
+    if (!course->steady) course->shares[j] = redundant < kFewRedundant ? 1 : 0;
+    const double next = course->shares[j] != 0 ? shared : square;
+    floors.push_back(std::sqrt(course->steady ? 0.5 * (before * before + next) : next));
     change = std::max(change, std::abs(floors[j] * floors[j] - before * before) /
                                   (s * s + floors[j] * floors[j]));
   }
@@ -141,9 +156,11 @@ void Settle(const WandFitOptions& options, WandFit* fit) {
   BundleOptions rough = options.bundle;
   rough.function_tolerance = kRough;
   fit->settled = false;
+  FloorCourse course;
   for (int round = 0; round < options.rounds && !fit->settled; ++round) {
     RefitWand(rough, fit);
-    const double change = UpdateVariances(options.gross_sigmas, fit);
+    course.steady = 3 * round >= options.rounds;
+    const double change = UpdateVariances(options.gross_sigmas, &course, fit);
     const bool out = change < kNear && LeaveOut(options.gross_sigmas, fit);
     fit->settled = !out && change < kSettled;
   }
@@ -153,9 +170,10 @@ void Settle(const WandFitOptions& options, WandFit* fit) {
 void TakeOpenTerms(const WandFitOptions& options, const std::vector<OpenTerm>& open, WandFit* fit) {
   BundleOptions rough = options.bundle;
   rough.function_tolerance = kRough;
+  FloorCourse course;
   const auto refit = [&](const std::vector<CameraPrior>&) {
     RefitWand(rough, fit);
-    UpdateVariances(options.gross_sigmas, fit);
+    UpdateVariances(options.gross_sigmas, &course, fit);
     return OpenFit{&fit->state.cameras, fit->CameraCovariance()};
   };
   FitOpenTerms(open, Eigen::VectorXd::Ones(static_cast<Eigen::Index>(open.size())), refit,
@@ -274,6 +292,7 @@ WandFit FitWand(const WandData& given, const WandFitOptions& asked, const std::s
   WandFitOptions options = asked;
   if (!options.lenses.empty()) {
     options.guess.lens = RequireLenses(options.lenses, where, &data);
+    options.guess.known = options.lenses;
     options.order = -1;
   }
   const WandData still = AtPoseTimes(data);

@@ -188,11 +188,8 @@ WandSearch SearchWand(const WandData& data, const WandFitOptions& options,
   const auto take = [&](const WandGuess& guess) {
     WandFit fit;
     if (!StartFit(few, guess, options, &fit)) return false;
-    double scale = RobustWand(options.bundle, &fit);
-    // A few poses do not tell the lenses, but leave something over where those are known.
-    if (!options.lenses.empty() && (scale < enough || !std::isfinite(scale))) {
-      scale = TakeLenses(options.lenses, options.bundle, &fit);
-    }
+    const double scale = options.lenses.empty() ? RobustWand(options.bundle, &fit)
+                                                : TakeLenses(options.lenses, options.bundle, &fit);
     bare = bare || !std::isfinite(scale);
     if (scale < enough) {
       good.push_back(std::move(fit));
@@ -206,9 +203,6 @@ WandSearch SearchWand(const WandData& data, const WandFitOptions& options,
     GuessWand(few, options.guess, options.start, where, take);
   } else {
     take(GuessWandFrom(few, options.from, options.guess, where));
-  }
-  if (!options.lenses.empty() && good.empty() && std::isfinite(least)) {
-    TakeLenses(options.lenses, options.bundle, &fallback.best);
   }
   if (!good.empty()) return Compare(options.bundle, std::move(good));
   if (std::isfinite(least)) return fallback;

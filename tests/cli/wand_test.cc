@@ -80,6 +80,29 @@ TEST_F(WandVerb, ByPointsItIsTheSurveysFrame) {
   EXPECT_EQ(nlohmann::json::parse(checked.out)["verdict"], "still valid") << checked.out;
 }
 
+// 25 poses before cameras whose lenses the shipped rig knows, and which did not move.
+TEST_F(WandVerb, LensesFromBefore) {
+  Wave(25);
+  const std::string rig = Shipped("rig.h5");
+  const auto lenses = [&](std::vector<std::string> more) {
+    more.insert(more.end(), {"--lenses", rig, "--json", "-o", "rig.h5", "--report", "page.html"});
+    const Outcome made = Calibrate(more);
+    EXPECT_EQ(made.code, 0) << made.err;
+    return nlohmann::json::parse(made.out)["lenses"];
+  };
+  const auto placed = lenses({"--points", "few.csv"});
+  ASSERT_EQ(placed.size(), 4);
+  for (const auto& lens : placed) {
+    EXPECT_GT(lens["chance"].get<double>(), 1e-4);
+    EXPECT_LT(lens["turned"].get<double>(), 5.0 * lens["turned_sigma"].get<double>());
+  }
+  EXPECT_THAT(Get("page.html"), HasSubstr("from where it was when its lens was calibrated"));
+  const auto alone = lenses({});  // in a frame of its own
+  ASSERT_EQ(alone.size(), 4);
+  for (const auto& lens : alone) EXPECT_TRUE(lens["moved"].is_null());
+  EXPECT_THAT(Get("page.html"), ::testing::Not(HasSubstr("from where it was")));
+}
+
 TEST_F(WandVerb, WithoutPointsTheFrameIsSaid) {
   Wave(80);
   const auto frame = [&](std::vector<std::string> more) {
