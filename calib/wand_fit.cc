@@ -292,7 +292,6 @@ WandFit FitWand(const WandData& given, const WandFitOptions& asked, const std::s
   WandFitOptions options = asked;
   if (!options.lenses.empty()) {
     options.guess.lens = RequireLenses(options.lenses, where, &data);
-    options.guess.known = options.lenses;
     options.order = -1;
   }
   const WandData still = AtPoseTimes(data);

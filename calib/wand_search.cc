@@ -21,6 +21,7 @@ namespace {
 
 constexpr int kRobustRounds = 8;  // a floor halves or doubles in each
 constexpr double kEnough = 3.0;   // of the readings' sigma: no other start would do much better
+constexpr double kNowhere = std::numeric_limits<double>::infinity();
 constexpr int kTried =
     2;  // rounds after which cameras that miss by kFar as much are on no good way
 constexpr double kFar = 10.0;        // of kEnough
@@ -61,6 +62,21 @@ bool StartFit(const WandData& data, const WandGuess& guess, const WandFitOptions
   fit->dropped = static_cast<int>(left.unseen.size() + left.contradicting.size());
   fit->weighting = EqualWandWeighting(fit->data, floor);
   return fit->data.pose_count() >= options.start.fewest_poses;
+}
+
+// The same, each camera placed anew at the marks with the lens that is known of it: marks that few
+// poses and any lens put where they did lead elsewhere.
+bool StartWithLenses(const WandData& data, const WandGuess& guess, const WandFitOptions& options,
+                     const std::string& where, WandFit* fit) {
+  GuessOptions known = options.guess;
+  known.known = options.lenses;
+  std::vector<data::RigCamera> cameras;
+  for (const CameraGuess& camera : guess.cameras) cameras.push_back(camera.camera);
+  try {
+    return StartFit(data, GuessWandFrom(data, cameras, known, where), options, fit);
+  } catch (const Error&) {  // no camera of that lens fits them
+    return false;
+  }
 }
 
 // Every so many-th pose, without surveyed points: what the cameras are first found from.
@@ -185,17 +201,31 @@ WandSearch SearchWand(const WandData& data, const WandFitOptions& options,
   double least = std::numeric_limits<double>::infinity();
   bool bare = false;  // nothing was left over to tell good cameras from bad ones
   std::vector<WandFit> good;
-  const auto take = [&](const WandGuess& guess) {
-    WandFit fit;
-    if (!StartFit(few, guess, options, &fit)) return false;
-    const double scale = options.lenses.empty() ? RobustWand(options.bundle, &fit)
-                                                : TakeLenses(options.lenses, options.bundle, &fit);
+  const auto keep = [&](WandFit fit, double scale) {
     bare = bare || !std::isfinite(scale);
     if (scale < enough) {
       good.push_back(std::move(fit));
     } else if (scale < least) {
       least = scale;
       fallback.best = std::move(fit);
+    }
+  };
+  const auto take = [&](const WandGuess& guess) {
+    WandFit fit;
+    double scale = kNowhere;
+    if (StartFit(few, guess, options, &fit)) {
+      scale = RobustWand(options.bundle, &fit);
+      const bool near = scale < enough || !std::isfinite(scale);
+      if (!options.lenses.empty() && near) {
+        scale = TakeLenses(options.lenses, options.bundle, &fit);
+      }
+      keep(std::move(fit), scale);
+    }
+    WandFit again;
+    if (!options.lenses.empty() && !(scale < enough) &&
+        StartWithLenses(few, guess, options, where, &again)) {
+      scale = TakeLenses(options.lenses, options.bundle, &again);
+      keep(std::move(again), scale);
     }
     return !good.empty();
   };
