@@ -28,6 +28,7 @@ namespace unfurl::calib {
 namespace {
 
 constexpr double kSettled = 0.02;  // change of a variance that no longer matters
+constexpr double kOfItsOwn = 0.1;  // nor such a share of the standard deviation that it is known to
 constexpr double kNear = 0.3;      // change of a variance at which residuals can be judged by it
 // Of a variance in a round. Redundancies are those at the variances before; from far off they would
 // free one camera of all others.
@@ -98,13 +99,30 @@ double FloorOfReadings(const WandFit& fit, double gross_sigmas, double chance,
   return std::min(some.Square(chance), kMostGrowth * Median(whole));
 }
 
-// How floors follow the residuals. Where little is redundant they would come and go for ever:
-// residuals, and what is redundant, are larger with a floor than without.
+// How floors follow the residuals. Where little is redundant they would come and go for ever, as
+// residuals are larger with a floor than without, or one camera's would grow by a little in each
+// round as another's fell.
 struct FloorCourse {
-  // Half steps; a floor that was found is not given up for being within chance, and who shares one
-  // goes on to.
+  // Steps shorter where a floor turns back and longer where it goes on; a floor that was found is
+  // not given up for being within chance, and who shares one goes on to.
   bool steady = false;
   std::vector<char> shares;  // of each camera
+  std::vector<double> step;  // of the way to what the residuals say, and that way before [-, px^2]
+  std::vector<double> way;
+  bool settled = false;  // no variance was to change by what matters
+
+  double Step(std::size_t camera, double to) {
+    constexpr double kBegin = 0.5, kOn = 1.5, kBack = 0.5;
+    constexpr double kLongest = 8.0;  // a round does what eight would
+    double& own = step[camera];
+    const double before = std::exchange(way[camera], to);
+    if (own == 0.0) {
+      own = kBegin;
+    } else {
+      own = to * before > 0.0 ? std::min(kOn * own, kLongest) : kBack * own;
+    }
+    return own * to;
+  }
 };
 
 // Floors by camera and the bar's unrest by variance components; the largest relative change.
@@ -117,6 +135,10 @@ double UpdateVariances(double gross_sigmas, FloorCourse* course, WandFit* fit) {
   const double s = MedianSigma(data);
   std::vector<double> floors;
   course->shares.resize(c, 0);
+  course->step.resize(c, 0.0);
+  course->way.resize(c, 0.0);
+  course->settled = true;
+  const double all = redundant;
   for (std::size_t j = 0; j < c; ++j) {
     std::vector<char> own(c, 0);
     own[j] = 1;
@@ -125,15 +147,21 @@ double UpdateVariances(double gross_sigmas, FloorCourse* course, WandFit* fit) {
     const double square = FloorOfReadings(*fit, gross_sigmas, chance, own, &redundant);
     if (!course->steady) course->shares[j] = redundant < kFewRedundant ? 1 : 0;
     const double next = course->shares[j] != 0 ? shared : square;
-    floors.push_back(std::sqrt(course->steady ? 0.5 * (before * before + next) : next));
-    change = std::max(change, std::abs(floors[j] * floors[j] - before * before) /
-                                  (s * s + floors[j] * floors[j]));
+    const double way = next - before * before;
+    const double step = course->steady ? course->Step(j, way) : way;
+    floors.push_back(std::sqrt(std::max(before * before + step, 0.0)));
+    const double own_change = std::abs(way) / (s * s + next);
+    change = std::max(change, own_change);
+    const double known = std::sqrt(2.0 / (course->shares[j] != 0 ? all : redundant));
+    course->settled = course->settled && own_change < std::max(kSettled, kOfItsOwn * known);
   }
   fit->weighting.floor_px = floors;
   if (fit->system.motion_redundancy > 1.0) {
     const double factor = fit->system.motion_squares / fit->system.motion_redundancy;
     fit->weighting.unrest *= factor;
-    change = std::max(change, 0.2 * std::abs(std::log(factor)));  // it is known to a few per cent
+    const double matters = 0.2 * std::abs(std::log(factor));  // it is known to a few per cent
+    change = std::max(change, matters);
+    course->settled = course->settled && matters < kSettled;
   }
   return change;
 }
@@ -157,12 +185,15 @@ void Settle(const WandFitOptions& options, WandFit* fit) {
   rough.function_tolerance = kRough;
   fit->settled = false;
   FloorCourse course;
-  for (int round = 0; round < options.rounds && !fit->settled; ++round) {
+  bool out = true;
+  // Where nothing is left out any more floors alone go on, for as many rounds again.
+  for (int round = 0;
+       !fit->settled && (round < options.rounds || (!out && round < 2 * options.rounds)); ++round) {
     RefitWand(rough, fit);
     course.steady = 3 * round >= options.rounds;
     const double change = UpdateVariances(options.gross_sigmas, &course, fit);
-    const bool out = change < kNear && LeaveOut(options.gross_sigmas, fit);
-    fit->settled = !out && change < kSettled;
+    out = change < kNear && LeaveOut(options.gross_sigmas, fit);
+    fit->settled = !out && course.settled;
   }
 }
 
