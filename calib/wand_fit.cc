@@ -112,8 +112,10 @@ struct FloorCourse {
   bool settled = false;  // no variance was to change by what matters
 
   double Step(std::size_t camera, double to) {
-    constexpr double kBegin = 0.5, kOn = 1.5, kBack = 0.5;
-    constexpr double kLongest = 8.0;  // a round does what eight would
+    // Half of a way that may lead to and fro; half as far when it did, and half as far again when
+    // it went on, so that eight rounds are one [-].
+    constexpr double kBegin = 0.5, kBack = 0.5, kOn = 1.5;
+    constexpr double kLongest = 8.0;  // what a slow way gains in all the rounds that are left [-]
     double& own = step[camera];
     const double before = std::exchange(way[camera], to);
     if (own == 0.0) {
