@@ -172,6 +172,49 @@ std::vector<KnownLensEstimate> CompareLenses(const std::vector<KnownLens>& known
   return out;
 }
 
+KnownScale CompareScale(const std::vector<KnownLens>& known, const data::Rig& now) {
+  std::vector<Eigen::Index> camera;  // of `now`
+  for (std::size_t j = 0; j < now.cameras.size(); ++j) {
+    if (FindLens(known, now.cameras[j].name) != nullptr) {
+      camera.push_back(static_cast<Eigen::Index>(j));
+    }
+  }
+  KnownScale out;
+  const auto n = static_cast<Eigen::Index>(camera.size());
+  if (n < 3) return out;
+  const auto before = [&](Eigen::Index k) -> const KnownLens& {
+    return *FindLens(known, now.cameras[static_cast<std::size_t>(camera[k])].name);
+  };
+  Eigen::Matrix3Xd p(3, n), q(3, n);
+  for (Eigen::Index k = 0; k < n; ++k) {
+    p.col(k) = now.cameras[static_cast<std::size_t>(camera[k])].p_WC;
+    q.col(k) = before(k).camera.p_WC;
+  }
+  // The frames may be any, and mirror images.
+  const RigidFit plain = FitRigid(p, q), mirror = FitRigid(p, -q);
+  const Pose& X = mirror.rms < plain.rms ? mirror.X_AB : plain.X_AB;
+  if (mirror.rms < plain.rms) q = -q;
+  const Eigen::Vector3d p0 = p.rowwise().mean(), q0 = q.rowwise().mean();
+  p.colwise() -= p0;
+  q = X.linear() * (q.colwise() - q0);
+  const double squares = q.squaredNorm();
+  out.scale = p.cwiseProduct(q).sum() / squares;
+  out.freedom = 3.0 * static_cast<double>(n) - 7.0;
+  const double own = (p - out.scale * q).squaredNorm() / out.freedom;  // [m^2]
+  Eigen::VectorXd by_now = Eigen::VectorXd::Zero(now.covariance.rows());
+  double by_before = 0.0;  // how cameras share errors is not known: as if wholly
+  for (Eigen::Index k = 0; k < n; ++k) {
+    by_now.segment<3>(kParameters * camera[k] + 3) = q.col(k) / squares;
+    const Eigen::Vector3d by = X.linear().transpose() * q.col(k) / squares;
+    const Eigen::Matrix3d C = before(k).covariance.block<3, 3>(3, 3);
+    by_before += std::sqrt(std::max(by.dot(C * by), 0.0));
+  }
+  const double variance =
+      own / squares + by_now.dot(now.covariance * by_now) + by_before * by_before;
+  out.sigma = std::sqrt(std::max(variance, 0.0));
+  return out;
+}
+
 void JudgeLenses(const std::vector<KnownLensEstimate>& lenses, double level, Tally* tally) {
   const double each = ChanceOfEach(level, static_cast<double>(lenses.size()));
   for (const KnownLensEstimate& lens : lenses) {

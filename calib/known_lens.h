@@ -65,6 +65,15 @@ struct KnownLensEstimate {
 std::vector<KnownLensEstimate> CompareLenses(const std::vector<KnownLens>& known,
                                              const data::Rig& now, bool one_frame = true);
 
+/// How much further from each other cameras stand than in a calibration before.
+struct KnownScale {
+  double scale = 1.0;  ///< of all their distances, least squares [-]
+  double sigma =
+      0.0;  ///< of that, were it 1: by how each went by itself, and both calibrations [-]
+  double freedom = 0.0;  ///< degrees of freedom of how each went; 0: fewer than three cameras
+};
+KnownScale CompareScale(const std::vector<KnownLens>& known, const data::Rig& now);
+
 /// Whether each lens is still that, at a chance of `level` for all of them, and where its camera
 /// went.
 void JudgeLenses(const std::vector<KnownLensEstimate>& lenses, double level, Tally* tally);

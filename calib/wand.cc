@@ -53,8 +53,17 @@ data::Rig RigOf(const WandFit& fit, const FramedWand& framed) {
   ClearFixed(fit.priors, &rig.covariance);
   rig.volume_low.setConstant(std::numeric_limits<double>::infinity());
   rig.volume_high = -rig.volume_low;
+  // Two readings and the length put a mark at either of two places.
+  const int marks = fit.data.mark_count();
+  std::vector<int> read(static_cast<std::size_t>(fit.data.pose_count() * marks), 0);
+  for (std::size_t k = 0; k < fit.data.readings.size(); ++k) {
+    const WandReading& r = fit.data.readings[k];
+    if (fit.weighting.use_reading[k] != 0)
+      ++read[static_cast<std::size_t>(r.pose * marks + r.mark)];
+  }
   for (int k = 0; k < fit.data.pose_count(); ++k) {
-    for (int m = 0; m < fit.data.mark_count(); ++m) {
+    for (int m = 0; m < marks; ++m) {
+      if (read[static_cast<std::size_t>(k * marks + m)] < 3) continue;
       const Eigen::Vector3d p = fit.state.Mark(k, m, 0.0);
       rig.volume_low = rig.volume_low.cwiseMin(p);
       rig.volume_high = rig.volume_high.cwiseMax(p);
@@ -179,6 +188,7 @@ WandCalibration CalibrateWand(const WandData& data, const WandOptions& options,
   ReportLate(data, out.fit, &report);
   // Where they were is known in the survey's frame.
   report.lenses = CompareLenses(options.fit.lenses, out.rig, framed.by_points);
+  report.against_before = CompareScale(options.fit.lenses, out.rig);
   const std::vector<WandGridPoint> grid = WandGrid(out.fit);
   report.shapes = ShapesOf(out.fit, framed.covariance, grid);
   report.distance_sigma = DistanceSigma(framed.covariance, grid);

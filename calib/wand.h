@@ -72,6 +72,7 @@ struct WandReport {
   std::vector<WandLength> lengths;
   int lengths_unsolved = 0;
   std::vector<KnownLensEstimate> lenses;  // of cameras whose lenses were known before
+  KnownScale against_before;              // of their places
   // Of a bar that moves: how far the outer marks' distance is open because of it, and because of
   // the readings, medians over the poses [m]; and its typical speed [m/s].
   double motion_sigma = 0.0, reading_sigma = 0.0, speed = 0.0;

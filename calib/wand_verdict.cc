@@ -296,6 +296,23 @@ void JudgeStated(const WandFit& fit, const WandReport& report, const VerdictOpti
   }
 }
 
+// Cameras that were moved went each its own way: distances that all grew alike are another scale.
+void JudgeBefore(const WandReport& report, const VerdictOptions& options, Tally* tally) {
+  const KnownScale& by = report.against_before;
+  if (!(by.freedom > 0.0)) return;
+  const double limit = StudentQuantile(1.0 - 0.5 * options.chance, by.freedom);
+  if (!(std::abs(by.scale - 1.0) > limit * by.sigma)) return;
+  const bool times = by.scale > 2.0 || by.scale < 0.5;  // no percentage that one reads
+  const std::string how =
+      times ? fmt::format("{:.3g} times as far from each other as", by.scale)
+            : fmt::format("{:.3g} +- {:.2g}% {} each other than", 100.0 * std::abs(by.scale - 1.0),
+                          100.0 * by.sigma, by.scale > 1.0 ? "further from" : "nearer to");
+  tally->care.push_back(
+      "the cameras stand " + how +
+      " when their lenses were calibrated, all alike: the stated length of the bar, or that "
+      "calibration's scale, is off by as much. Measure the bar again");
+}
+
 void JudgeMotion(const WandFit& fit, const WandReport& report, data::Rig* rig, Tally* tally) {
   if (!fit.data.Moves()) return;
   rig->checks["bar_speed [m/s]"] = report.speed;
@@ -329,6 +346,7 @@ void JudgeWand(const WandFit& fit, const std::vector<double>& sigmas, const Wand
   JudgeMotion(fit, report, rig, &tally);
   JudgeStated(fit, report, options, &tally);
   JudgeLenses(report.lenses, options.lens_level, &tally);
+  JudgeBefore(report, options, &tally);
   rig->checks["handed [1]"] = report.handed ? 1.0 : 0.0;
   if (!report.handed) {
     tally.care.push_back(

@@ -137,22 +137,33 @@ inline Waved WaveBefore(const TracedLab& lab, const Wave& wave) {
   return MakeWave(names, pixels, read, wave, lab.rng.Stream("wave"));
 }
 
-// How far the bar's marks as found are from where they were, after the best rigid motion.
+// How far the bar's marks as found are from where they were, after the best rigid motion; of those
+// that three cameras read, as two and the length leave two places.
 inline double MarksRms(const WandFit& fit, const Waved& waved, bool mirror) {
-  Eigen::Matrix3Xd truth(3, 2 * fit.data.pose_count()), found = truth;
-  std::vector<double> after(waved.data.readings.size() * 2, 0.0);
+  const auto marks = static_cast<std::size_t>(2 * fit.data.pose_count());
+  std::vector<double> after(marks, 0.0);
+  std::vector<int> read(marks, 0);
   for (const WandReading& r : fit.data.readings) {
-    after[static_cast<std::size_t>(2 * r.pose + r.mark)] = r.after;
+    const auto at = static_cast<std::size_t>(2 * r.pose + r.mark);
+    after[at] = r.after;
+    ++read[at];
   }
+  std::vector<Eigen::Vector3d> from, to;
   for (int k = 0; k < fit.data.pose_count(); ++k) {
     const int pose = std::stoi(fit.data.poses[static_cast<std::size_t>(k)]) - 1;
     for (int mark = 0; mark < 2; ++mark) {
-      truth.col(2 * k + mark) = waved.marks.col(2 * pose + mark);
-      found.col(2 * k + mark) =
-          fit.state.Mark(k, mark, after[static_cast<std::size_t>(2 * k + mark)]);
+      const auto at = static_cast<std::size_t>(2 * k + mark);
+      if (read[at] < 3) continue;
+      from.emplace_back(waved.marks.col(2 * pose + mark));
+      to.push_back((mirror ? -1.0 : 1.0) * fit.state.Mark(k, mark, after[at]));
     }
   }
-  return FitRigid(truth, mirror ? Eigen::Matrix3Xd(-found) : found).rms;
+  Eigen::Matrix3Xd truth(3, static_cast<Eigen::Index>(from.size())), found = truth;
+  for (std::size_t k = 0; k < from.size(); ++k) {
+    truth.col(static_cast<Eigen::Index>(k)) = from[k];
+    found.col(static_cast<Eigen::Index>(k)) = to[k];
+  }
+  return FitRigid(truth, found).rms;
 }
 
 // The errors of found points with their whole covariance, in the survey's frame.

@@ -156,6 +156,30 @@ TEST(WandLenses, AnotherLensIsTold) {
   EXPECT_THAT(other.reasons, Contains(told()));
 }
 
+// Bumped cameras stand as far from each other as before, but for their bumps; cameras that were put
+// elsewhere tell nothing.
+TEST(WandLenses, AWrongLengthIsToldByWhereTheCamerasWere) {
+  const auto scale = HasSubstr("% further from each other");
+  for (const double moved : {5e-3, 0.3}) {  // [m]
+    for (std::uint64_t seed = 61; seed <= 63; ++seed) {
+      TracedLab lab(seed);
+      WandOptions options = Quick();
+      options.fit.lenses = LensesBefore(lab);
+      lab.Bump(moved, 5e-3);
+      Wave wave{.poses = 40, .length = 0.7, .half = 0.6};
+      wave.reading_sigma = lab.reading_sigma;
+      Waved waved = WaveBefore(lab, wave);
+      const data::Rig right = CalibrateWand(waved.data, options, "wand").rig;
+      EXPECT_THAT(right.reasons, Each(Not(scale))) << seed;
+      waved.data.place *= 1.03;
+      const data::Rig wrong = CalibrateWand(waved.data, options, "wand").rig;
+      if (moved > 0.1) continue;
+      EXPECT_EQ(wrong.verdict, kWithCare) << seed;
+      EXPECT_THAT(wrong.reasons, Contains(scale)) << seed;
+    }
+  }
+}
+
 TEST(WandLenses, OfOtherCamerasAreRefused) {
   const auto truth = MakeRig({}, Rng(4));
   const Waved waved = WaveBefore(truth, {.poses = 60, .half = 0.8}, Rng(4));
