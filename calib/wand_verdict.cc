@@ -173,7 +173,12 @@ void JudgeFit(const WandFit& fit, const WandReport& report, const VerdictOptions
         "floors and gross errors did not settle: the readings contradict each other, as those of a "
         "bar that moves between its flashes without their times do");
   }
-  if (!report.converged) tally->no.push_back("the bundle adjustment did not converge");
+  if (!report.converged) {
+    tally->no.push_back(
+        "the bundle adjustment did not converge, as where the poses hardly tell the lenses: wave "
+        "the bar through more places and directions, or give the lenses as they were calibrated "
+        "before (--lenses)");
+  }
   if (freedom < options.fewest_redundant) {
     tally->care.push_back(fmt::format(
         "the data have only {:.0f} degrees of freedom to check the fit with: wave the bar longer",

@@ -13,6 +13,7 @@
 
 #include "base/dense.h"
 #include "base/error.h"
+#include "base/statistics.h"
 #include "base/worker_pool.h"
 #include "calib/calibrate.h"
 #include "calib/verdict.h"
@@ -56,6 +57,7 @@ TEST(WandLenses, AShortWaveDoesAfterABump) {
   struct Trial {
     double nees = 0.0, squares = 0.0, alone = 0.0, moved = 0.0;
     int cameras = 0, other = 0;
+    double scale = 0.0;  // of the cameras' distances, less 1, over its sigma
   };
   std::vector<Trial> all(kRepeats);
   ParallelFor(kRepeats, 0, [&](std::size_t k) {
@@ -73,6 +75,7 @@ TEST(WandLenses, AShortWaveDoesAfterABump) {
     WandOptions options = Quick();
     options.fit.lenses = lenses;
     const WandCalibration known = CalibrateWand(waved.data, options, "known");
+    one.scale = (known.report.against_before.scale - 1.0) / known.report.against_before.sigma;
     one.nees = NeesOf(lab, known.rig, kChecks, &one.squares);
     for (std::size_t c = 0; c < known.report.lenses.size(); ++c) {
       const KnownLensEstimate& lens = known.report.lenses[c];
@@ -85,6 +88,7 @@ TEST(WandLenses, AShortWaveDoesAfterABump) {
     }
   });
   double nees = 0.0, squares = 0.0, alone = 0.0, moved = 0.0, cameras = 0.0, other = 0.0;
+  double scale = 0.0, widest = 0.0;
   for (const Trial& one : all) {
     nees += one.nees / static_cast<double>(kRepeats);
     squares += one.squares;
@@ -92,17 +96,23 @@ TEST(WandLenses, AShortWaveDoesAfterABump) {
     moved += one.moved;
     cameras += one.cameras;
     other += one.other;
+    scale += one.scale * one.scale / static_cast<double>(kRepeats);
+    widest = std::max(widest, std::abs(one.scale));
   }
   const auto n = static_cast<double>(kRepeats);
   std::printf(
       "%zu laboratories, 50 poses and 8 points: NEES/3 %.3f, RMS %.3f mm, without lenses %.3f; "
-      "moves' NEES/3 %.2f of %.0f cameras; lenses called others %.0f\n",
+      "moves' NEES/3 %.2f of %.0f cameras; lenses called others %.0f; scale against before %.2f "
+      "RMS, "
+      "%.2f widest\n",
       kRepeats, nees, 1e3 * std::sqrt(squares / n), 1e3 * std::sqrt(alone / n), moved / cameras,
-      cameras, other);
+      cameras, other, std::sqrt(scale), widest);
   // A rig's NEES/3 of points scatters by some 0.35.
   EXPECT_NEAR(nees, 1.0, 3.0 * 0.35 / std::sqrt(n));
   EXPECT_NEAR(moved / cameras, 1.0, 3.0 * std::sqrt(2.0 / 3.0 / (0.75 * cameras)));
   EXPECT_LT(squares, 0.5 * alone);
+  // Student's t of 5 degrees of freedom, at 0.1% for each.
+  EXPECT_LT(widest, StudentQuantile(1.0 - 0.5e-3, 5.0));
   EXPECT_LT(other, 0.01 * cameras + 3.0 * std::sqrt(0.01 * cameras) + 0.5);
 }
 
