@@ -9,13 +9,13 @@
 #include "base/error.h"
 #include "base/pose.h"
 #include "calib/parameters.h"
+#include "calib/wand_poses.h"
 #include "measure/camera_model.h"
 
 namespace unfurl::calib {
 namespace {
 
-constexpr double kBeyondDoubt = 0.5;  // of the other's RMS: which way round is beyond doubt
-constexpr double kLine = 0.02;        // sine of the angle below which three cameras are on one line
+constexpr double kLine = 0.02;  // sine of the angle below which three cameras are on one line
 
 double MedianReadingSigma(const WandFit& fit, std::size_t camera) {
   double sum = 0.0, n = 0.0;
@@ -209,10 +209,8 @@ Pose HandByPlan(const WandFrame& frame, const std::string& where, WandFit* fit, 
   const RigidFit plain = FitRigid(planned, found);
   // With p -> -p a camera at p that views p + v is one at -p that views -p - v.
   const RigidFit mirror = FitRigid(planned, -found);
-  const bool told =
-      std::min(plain.rms, mirror.rms) < kBeyondDoubt * std::max(plain.rms, mirror.rms);
-  *handed = told || fit->handed;
-  if (mirror.rms >= plain.rms || (fit->handed && !told)) return plain.X_AB;
+  *handed = fit->handed;
+  if (!TakesMirror(plain, mirror, handed)) return plain.X_AB;
   MoveWand(Pose::Identity(), true, fit);
   // A lens that is known stays as it is.
   if (fit->priors.front().KnowsLens()) RefitWand(BundleOptions{}, fit);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "base/dense.h"
 #include "base/error.h"
@@ -209,6 +210,14 @@ bool FixFrame(const Eigen::Matrix3Xd& p) {
   return spread.sigma(1) >= kFlat * spread.sigma(0);
 }
 
+bool TakesMirror(const RigidFit& plain, const RigidFit& mirror, bool* handed) {
+  constexpr double kBeyondDoubt = 0.5;  // of the other's RMS [-]
+  const bool told =
+      std::min(plain.rms, mirror.rms) < kBeyondDoubt * std::max(plain.rms, mirror.rms);
+  const bool known = std::exchange(*handed, *handed || told);
+  return mirror.rms < plain.rms && (told || !known);
+}
+
 void TakeFrame(const std::string& where, WandFit* fit) {
   const Observations& points = fit->data.points;
   if (points.points() < 3) return;
@@ -229,12 +238,10 @@ void TakeFrame(const std::string& where, WandFit* fit) {
   const Eigen::Matrix3Xd p = points.p(Eigen::all, found), q = at(Eigen::all, found);
   if (!FixFrame(p)) return;  // on one line
   const RigidFit plain = FitRigid(p, q), mirror = FitRigid(p, -q);
-  // Off a plane, the mirror image misses the points by about that much.
-  const bool told = std::min(plain.rms, mirror.rms) < 0.5 * std::max(plain.rms, mirror.rms);
-  const bool mirrored = mirror.rms < plain.rms && (told || !fit->handed);
+  // Off a plane, the mirror image misses the points by about as much as they are off it.
+  const bool mirrored = TakesMirror(plain, mirror, &fit->handed);
   MoveWand(mirrored ? mirror.X_AB : plain.X_AB, mirrored, fit);
   fit->by_points = true;
-  fit->handed = fit->handed || told;
   for (Eigen::Index i = 0; i < points.p.cols(); ++i) fit->state.points.col(i) = points.p.col(i);
 }
 

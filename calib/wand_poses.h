@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "base/pose.h"
 #include "calib/wand_data.h"
 #include "calib/wand_fit.h"
 #include "calib/wand_guess.h"
@@ -31,6 +32,11 @@ void StartMotion(WandFit* fit);
 
 // Whether places (by column) fix a frame: three or more that are not on one line.
 bool FixFrame(const Eigen::Matrix3Xd& p);
+
+// Whether the mirror image is taken, which fits places nearer: not against what is known of the
+// hand already, unless the other misses them by so much more that it is beyond doubt; then
+// `handed`, too.
+bool TakesMirror(const RigidFit& plain, const RigidFit& mirror, bool* handed);
 
 // The survey's frame, where three points or more that are not on one line are found: the rig, or
 // its mirror image where that fits better, is moved there. Throws Error where they are in another

@@ -15,6 +15,7 @@
 #include "base/folder.h"
 #include "base/text.h"
 #include "data/atomic_file.h"
+#include "data/inputs.h"
 
 namespace unfurl::data {
 
@@ -62,6 +63,19 @@ void CleanOnce(const fs::path& where, const std::string& head) {
   if (done.insert(head).second) RemoveStaleFolders(where, head);
 }
 
+// What was read here goes, and its inode may be the next one of a result, which is no input. A link
+// to a file of the user's stays one.
+void ForgetFilesIn(const fs::path& folder) {
+  std::error_code failed, unknown;
+  const fs::recursive_directory_iterator end;
+  for (fs::recursive_directory_iterator at(folder, failed); !failed && at != end;
+       at.increment(failed)) {
+    const bool own = fs::is_regular_file(at->symlink_status(unknown)) &&
+                     fs::hard_link_count(at->path(), unknown) == 1;
+    if (own) ForgetInput(at->path().string());
+  }
+}
+
 }  // namespace
 
 ScratchFolder::ScratchFolder(const std::string& head) {
@@ -76,6 +90,7 @@ ScratchFolder::ScratchFolder(const std::string& head) {
 
 ScratchFolder::~ScratchFolder() {
   std::error_code ignored;
+  ForgetFilesIn(path_);
   fs::remove_all(path_, ignored);
   if (lock_ >= 0) close(lock_);
 }

@@ -17,7 +17,6 @@
 #include "data/csv.h"
 #include "data/csv_cell.h"
 #include "data/formats.h"
-#include "data/inputs.h"
 #include "data/run.h"
 #include "data/scratch_folder.h"
 
@@ -131,19 +130,6 @@ Prediction CommandModel::Evaluate(std::span<const double> theta, const Stamps& s
   return out;
 }
 
-namespace {
-
-// A file that goes with its folder: its inode may be the next one of a result, which is no input. A
-// link to a file of the user's stays one.
-void ForgetScratch(const std::string& path) {
-  std::error_code failed;
-  const bool own = !std::filesystem::is_symlink(path, failed) &&
-                   std::filesystem::hard_link_count(path, failed) == 1 && !failed;
-  if (own) data::ForgetInput(path);
-}
-
-}  // namespace
-
 Prediction CommandModel::Once(std::span<const double> theta, const Stamps& stamps) const {
   const auto start = std::chrono::steady_clock::now();
   Prediction out;
@@ -189,16 +175,14 @@ Prediction CommandModel::Once(std::span<const double> theta, const Stamps& stamp
     const std::string last = data::LastLineOf(err);
     return fail(fmt::format("exit code {}{}{}", outcome.code, last.empty() ? "" : ": ", last));
   }
-  const std::string tracks = scratch.File(options_.tracks);
   try {
     std::vector<std::string> quantities;
     for (const QuantityStamps& q : stamps.quantities) quantities.push_back(q.quantity);
-    out = ReadProgramTracks(tracks, stamps.marks, quantities).Evaluate({}, stamps);
+    out = ReadProgramTracks(scratch.File(options_.tracks), stamps.marks, quantities)
+              .Evaluate({}, stamps);
   } catch (const Error& e) {
-    ForgetScratch(tracks);
     return fail(e.what());
   }
-  ForgetScratch(tracks);
   out.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return out;
 }
