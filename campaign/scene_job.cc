@@ -43,7 +43,7 @@ class SceneJob : public Job {
       sim::SimulateOptions options;
       options.rtol = job_.rtol;
       options.duration = job_.duration;
-      options.rate = watch.WantsSamples() ? job_.rate : 1.0;
+      options.rate = watch.WantsSamples() ? SampleRate(model) : 1.0;
       options.track_forces = false;
       const sim::SimulateReport report = sim::Simulate(model, options, &watch);
       if (!report.Usable()) return {false, report.message};
@@ -58,6 +58,11 @@ class SceneJob : public Job {
   std::vector<std::string> inputs() const override { return files_; }
 
  private:
+  double SampleRate(const sim::Model& model) const {  // [1/s]
+    if (job_.rate > 0.0) return job_.rate;
+    return sim::UsualRate(job_.duration > 0.0 ? job_.duration : model.duration);
+  }
+
   data::Scene SceneAt(std::span<const double> values) const {
     std::vector<data::TomlDocument::Value> set;
     for (std::size_t j = 0; j < variables_.size(); ++j) {

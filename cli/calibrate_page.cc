@@ -7,6 +7,7 @@
 #include <numeric>
 
 #include "base/length.h"
+#include "base/number.h"
 #include "calib/plan.h"
 #include "calib/verdict.h"
 #include "cli/residual_views.h"
@@ -242,16 +243,15 @@ void AddWorst(const calib::Observations& data, const Calibration& result, report
             [&](std::size_t a, std::size_t b) { return held[a].squared > held[b].squared; });
   report::Table table;
   table.title = "Worst of the held-out points";
-  table.header = {"point",   "x [m]",       "y [m]",          "z [m]",
-                  "cameras", "off by [mm]", "predicted [mm]", "in sigmas"};
+  table.header = {"point",   "x [m]",  "y [m]",     "z [m]",
+                  "cameras", "off by", "predicted", "in sigmas"};
   for (std::size_t k = 0; k < order.size() && k < kWorst; ++k) {
     const calib::HeldOutPoint& point = held[order[k]];
     const Eigen::Vector3d p = data.p.col(point.point);
-    table.rows.push_back({data.ids[static_cast<std::size_t>(point.point)],
-                          fmt::format("{:.3f}", p.x()), fmt::format("{:.3f}", p.y()),
-                          fmt::format("{:.3f}", p.z()), std::to_string(point.readings),
-                          fmt::format("{:.3f}", 1e3 * point.error.norm()),
-                          fmt::format("{:.3f}", 1e3 * std::sqrt(point.predicted.trace())),
+    table.rows.push_back({data.ids[static_cast<std::size_t>(point.point)], Number(p.x(), 5),
+                          Number(p.y(), 5), Number(p.z(), 5), std::to_string(point.readings),
+                          LengthText(point.error.norm()),
+                          LengthText(std::sqrt(point.predicted.trace())),
                           fmt::format("{:.2f}", std::sqrt(point.squared / 3.0))});
   }
   page->AddTable(table);
@@ -264,19 +264,16 @@ void AddOrders(const Calibration& result, report::Page* page) {
   table.note =
       "Each fitted without a fifth of the points in turn. What counts is how likely the left-out "
       "points' readings were; the simplest model that loses next to nothing is taken.";
-  table.header = {"model",
-                  "log likelihood lost [nats]",
-                  "misclosure of the readings [px]",
-                  "from the survey [mm]",
-                  "largest floor [px]",
-                  "seconds"};
+  table.header = {
+      "model",           "log likelihood lost [nats]", "misclosure of the readings [px]",
+      "from the survey", "largest floor [px]",         "seconds"};
   for (const calib::OrderTrial& trial : result.report.orders) {
     std::string name = calib::OrderName(trial);
     if (trial.order == result.report.order) name += " (taken)";
     table.rows.push_back(
         {name, fmt::format("{:.1f}", trial.loss), fmt::format("{:.4f}", trial.contradiction_px),
-         fmt::format("{:.3f}", 1e3 * trial.held_out_rms),
-         fmt::format("{:.4f}", trial.largest_floor_px), fmt::format("{:.2f}", trial.seconds)});
+         LengthText(trial.held_out_rms), fmt::format("{:.4f}", trial.largest_floor_px),
+         fmt::format("{:.2f}", trial.seconds)});
   }
   page->AddTable(table);
 }
@@ -293,14 +290,14 @@ void AddWeak(const Calibration& result, report::Page* page) {
       "or 0.05% of it at the edge of the field. What one sigma does to found points says whether "
       "it "
       "matters.";
-  table.header = {
-      "camera", "direction", "sigma", "known from the prior [%]", "moves points by [mm]", "advice"};
+  table.header = {"camera",          "direction", "sigma", "known from the prior [%]",
+                  "moves points by", "advice"};
   table.text_columns = {0, 1, 5};
   for (const calib::WeakDirection& weak : result.report.weak) {
     table.rows.push_back({result.rig.cameras[static_cast<std::size_t>(weak.camera)].name, weak.name,
                           fmt::format("{:.2g} {}", weak.sigma, weak.unit),
-                          fmt::format("{:.0f}", 100.0 * weak.by_prior),
-                          fmt::format("{:.3f}", 1e3 * weak.point_rms), weak.advice});
+                          fmt::format("{:.0f}", 100.0 * weak.by_prior), LengthText(weak.point_rms),
+                          weak.advice});
   }
   page->AddTable(table);
 }

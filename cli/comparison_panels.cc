@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/fixed_number.h"
 #include "base/number.h"
 #include "base/sentence.h"
 #include "cli/residual_views.h"
@@ -330,13 +331,14 @@ void AddModePanels(const correlate::Comparison& c, report::Page* page) {
   std::string words =
       c.measured_ambient
           ? fmt::format(
-                "{}. By covariance-driven stochastic subspace identification, {:.2f} to "
-                "{:.2f} s; amplitudes are RMS. Measured: {}.",
-                c.measured_vibration, c.spectrum_from, c.spectrum_to, d.message)
+                "{}. By covariance-driven stochastic subspace identification, {} to "
+                "{} s; amplitudes are RMS. Measured: {}.",
+                c.measured_vibration, FixedNumber(c.spectrum_from, 2),
+                FixedNumber(c.spectrum_to, 2), d.message)
           : fmt::format(
-                "Damped sines common to all signals, from {:.2f} to {:.2f} s, beside a slow "
+                "Damped sines common to all signals, from {} to {} s, beside a slow "
                 "cubic trend of each. Measured: {}.",
-                c.spectrum_from, c.spectrum_to, d.message);
+                FixedNumber(c.spectrum_from, 2), FixedNumber(c.spectrum_to, 2), d.message);
   if (d.Usable() && d.chi2_per_dof > 4.0) {
     // Beyond twice the sigma, as in the alignment.
     words += fmt::format(

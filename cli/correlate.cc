@@ -6,6 +6,8 @@
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
+#include "base/fixed_number.h"
+#include "base/length.h"
 #include "base/number.h"
 #include "base/table.h"
 #include "base/text.h"
@@ -77,13 +79,14 @@ std::string ModesText(const correlate::Comparison& c) {
 
 std::string MarksText(const correlate::Comparison& c) {
   if (c.errors.empty()) return {};
-  std::vector<std::vector<std::string>> rows = {
-      {"mark", "samples", "RMSE [mm]", "in plane", "across", "largest", "at [s]", "in sigmas"}};
+  const LengthUnit unit = UnitFor(c.errors.back().largest);  // of all marks
+  const auto length = [&](double metres) { return fmt::format("{:.3f}", unit.per_metre * metres); };
+  std::vector<std::vector<std::string>> rows = {{"mark", "samples",
+                                                 fmt::format("RMSE [{}]", unit.name), "in plane",
+                                                 "across", "largest", "at [s]", "in sigmas"}};
   for (const correlate::MarkError& e : c.errors) {
-    rows.push_back({e.mark, std::to_string(e.samples), fmt::format("{:.3f}", 1e3 * e.rmse),
-                    fmt::format("{:.3f}", 1e3 * e.rmse_in_plane),
-                    fmt::format("{:.3f}", 1e3 * e.rmse_across),
-                    fmt::format("{:.3f}", 1e3 * e.largest), fmt::format("{:.3f}", e.largest_at),
+    rows.push_back({e.mark, std::to_string(e.samples), length(e.rmse), length(e.rmse_in_plane),
+                    length(e.rmse_across), length(e.largest), FixedNumber(e.largest_at, 3),
                     e.sigmas > 0.0 ? fmt::format("{:.2f}", e.sigmas) : "-"});
   }
   return AlignedTable(rows);
@@ -100,7 +103,7 @@ std::string ChannelsText(const correlate::Comparison& c) {
     }
     rows.push_back({v.name, v.unit.empty() ? "-" : v.unit, of, std::to_string(v.score.samples),
                     fmt::format("{:.4g}", v.score.rmse), fmt::format("{:.4g}", v.score.largest),
-                    fmt::format("{:.3f}", v.score.largest_at),
+                    FixedNumber(v.score.largest_at, 3),
                     v.sigmas > 0.0 ? fmt::format("{:.2f}", v.sigmas) : "-"});
   }
   return rows.size() > 1 ? AlignedTable(rows) : std::string();

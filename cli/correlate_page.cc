@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numeric>
 
+#include "base/fixed_number.h"
 #include "base/length.h"
 #include "base/number.h"
 #include "base/text.h"
@@ -174,14 +175,21 @@ void AddErrors(const correlate::Comparison& c, report::Page* page) {
   table.note =
       "Root mean squares of the distance between the two, after alignment. "
       "One sigma is the measurement's stated standard deviation.";
-  table.header = {"mark",        "samples",      "RMSE [mm]", "in the plane [mm]",
-                  "across [mm]", "largest [mm]", "at [s]",    "in sigmas"};
+  const LengthUnit unit = UnitFor(c.errors.back().largest);  // of all marks
+  const auto length = [&](double metres) { return fmt::format("{:.3f}", unit.per_metre * metres); };
+  const auto in_unit = [&](const char* what) { return fmt::format("{} [{}]", what, unit.name); };
+  table.header = {"mark",
+                  "samples",
+                  in_unit("RMSE"),
+                  in_unit("in the plane"),
+                  in_unit("across"),
+                  in_unit("largest"),
+                  "at [s]",
+                  "in sigmas"};
   for (const correlate::MarkError& e : c.errors) {
-    table.rows.push_back({e.mark, std::to_string(e.samples), fmt::format("{:.3f}", kMilli * e.rmse),
-                          fmt::format("{:.3f}", kMilli * e.rmse_in_plane),
-                          fmt::format("{:.3f}", kMilli * e.rmse_across),
-                          fmt::format("{:.3f}", kMilli * e.largest),
-                          fmt::format("{:.3f}", e.largest_at),
+    table.rows.push_back({e.mark, std::to_string(e.samples), length(e.rmse),
+                          length(e.rmse_in_plane), length(e.rmse_across), length(e.largest),
+                          FixedNumber(e.largest_at, 3),
                           e.sigmas > 0.0 ? fmt::format("{:.2f}", e.sigmas) : "-"});
   }
   page->AddTable(table);
@@ -251,19 +259,13 @@ namespace {
 // The reference in motion, by the record's clock, and the measured marks over it.
 void AddMovingPicture(const correlate::Comparison& c, report::Page* page) {
   std::optional<report::Motion> motion;
-  if (c.marks.empty()) return;
-  if (c.reference_is_run) {
-    motion = MotionOfRun(data::RunReader(c.reference), c.marks, c.alignment.at.offset);
+  if (c.reference_is_run && !c.reference.empty()) {
+    const data::RunReader run(c.reference);
+    const std::vector<std::string> marks =
+        c.marks.empty() ? run.file().ReadStrings("/marks") : c.marks;
+    motion = MotionOfRun(run, marks, c.alignment.at.offset);
   }
-  if (motion) {
-    motion->title = "Both in motion";
-    motion->note =
-        "Lines and discs are simulated, rings measured, in the model's plane; between two measured "
-        "samples a ring goes straight.";
-    AddMeasured(c, &*motion);
-  } else {
-    motion = MotionOfMarks(c);
-  }
+  if (!c.marks.empty()) motion = MotionOfBoth(c, std::move(motion));
   if (motion) page->AddMotion(*motion);
 }
 

@@ -216,7 +216,7 @@ void WritePlaces(const CostRigArguments& of, const data::Rig& rig, const SurveyC
       {{"id", ""}, {"x", "m"}, {"y", "m"}, {"z", "m"}, {"sx", "m"}, {"sy", "m"}, {"sz", "m"}});
   for (Eigen::Index i = 0; i < survey.p.cols(); ++i) {
     std::vector<std::string> cells = {survey.id[static_cast<std::size_t>(i)]};
-    for (Eigen::Index k = 0; k < 3; ++k) cells.push_back(fmt::format("{:.4f}", survey.p(k, i)));
+    for (Eigen::Index k = 0; k < 3; ++k) cells.push_back(fmt::format("{:.7g}", survey.p(k, i)));
     for (const Eigen::Index k : {0, 3, 5}) {
       cells.push_back(fmt::format("{:.3g}", std::sqrt(survey.cov(k, i))));
     }

@@ -85,7 +85,8 @@ int FitOnce(const Common& common, const FitSettings& s, const data::Study& study
             const study::FitStudyOptions& options, const FitSeconds& seconds) {
   const study::StudyFit fit = study::Fit(study, options);
   if (!s.report.empty()) {
-    WriteFitPage(s.report, {fit.record, fit.problem(), fit.result, fit.comparison, fit.provenance});
+    WriteFitPage(s.report, {fit.record, fit.problem(), fit.result, fit.comparison, fit.motion,
+                            fit.provenance});
   }
   const double took = seconds();
   std::string text = FitText(fit.record, took);

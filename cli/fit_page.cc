@@ -8,6 +8,7 @@
 #include "base/count.h"
 #include "base/length.h"
 #include "base/number.h"
+#include "base/text.h"
 #include "cli/channels_panel.h"
 #include "cli/comparison_panels.h"
 #include "cli/ladder_panel.h"
@@ -34,22 +35,17 @@ Level LevelOfFitPage(correlate::Verdict verdict) {
 
 void AddParameters(const FitPageInput& in, report::Page* page) {
   std::vector<report::Figure> figures;
-  report::Table values, parts;
+  report::Table values, parts, keys;
   values.title = "Estimates";
-  values.header = {"parameter",
-                   "start",
-                   "value",
-                   "standard error",
-                   "%",
-                   "95%, all parts",
-                   "95%, the data alone",
-                   "unit",
-                   "verdict",
-                   "keys"};
-  values.text_columns = {0, 7, 8, 9};
+  values.header = {"parameter",           "value",  "standard error", "%", "95%, all parts",
+                   "95%, the data alone", "verdict"};
+  values.text_columns = {0, 6};
   values.note =
       "The interval of all parts is what can be said of the parameter: the data's and the model's "
       "own error together. The data alone: what they would say of it were the model without error.";
+  keys.title = "Where they act";
+  keys.header = {"parameter", "start", "keys"};
+  keys.text_columns = {0, 2};
   parts.title = "Contributions to the standard errors";
   parts.note =
       "Of the data: the samples' own errors and the calibration's, widened for what the residuals' "
@@ -67,14 +63,13 @@ void AddParameters(const FitPageInput& in, report::Page* page) {
     const auto& e = in.result.parameters[j];
     figures.push_back({p.name, NumberWithError(p.value, p.sigma) + UnitAfter(p.unit), p.verdict,
                        LevelOfFitPage(e.verdict)});
-    const std::string keys =
-        p.keys.front() + (p.keys.size() > 1 ? fmt::format(" and {} more", p.keys.size() - 1) : "");
+    const bool bare = p.unit.empty() || p.unit == "1";
+    const std::string named = p.name + (bare ? "" : " [" + p.unit + "]");
     values.rows.push_back(
-        {p.name, fmt::format("{:.4g}", p.start),
-         IntervalEnd(p.value, IntervalDigits(p.low95, p.high95, 6)), Number(p.sigma, 2),
+        {named, IntervalEnd(p.value, IntervalDigits(p.low95, p.high95, 6)), Number(p.sigma, 2),
          fmt::format("{:.2f}", 100.0 * p.sigma / std::abs(p.value)),
-         IntervalText(p.low95, p.high95), IntervalText(p.low95_data, p.high95_data),
-         p.unit == "1" ? "" : p.unit, p.verdict, keys});
+         IntervalText(p.low95, p.high95), IntervalText(p.low95_data, p.high95_data), p.verdict});
+    keys.rows.push_back({named, fmt::format("{:.4g}", p.start), JoinWords(p.keys)});
     parts.rows.push_back({p.name, Number(p.sigma_white, 2), Number(p.sigma_data, 2),
                           Number(p.sigma_model, 2), Number(p.sigma, 2), Number(p.sigma_alone, 2),
                           fmt::format("{:+.2g}", p.model_shift), Number(p.kink, 2)});
@@ -82,6 +77,7 @@ void AddParameters(const FitPageInput& in, report::Page* page) {
   page->AddFigures(figures);
   page->AddTable(values);
   page->AddTable(parts);
+  page->AddTable(keys);
 }
 
 void AddModelError(const FitPageInput& in, report::Page* page) {
@@ -272,6 +268,27 @@ void AddBands(const FitPageInput& in, report::Page* page) {
   }
 }
 
+// Where the first trial's clock stands when the model begins [s].
+double StartOfModel(const data::FitRecord& record) {
+  for (const data::FitRecord::Nuisance& n : record.nuisances) {
+    if (n.name == "time offset" && n.trial == 0) return n.value;
+  }
+  return 0.0;
+}
+
+// The structure at the estimate, under the measured marks where there are any.
+void AddMovingScene(const FitPageInput& in, report::Page* page) {
+  const bool compared = !in.comparison.errors.empty();
+  const double start = compared ? in.comparison.alignment.at.offset : StartOfModel(in.record);
+  std::optional<report::Motion> motion;
+  if (in.motion) motion = MotionOfRun(*in.motion, in.record.marks, start);
+  if (motion) motion->note = "The structure at the estimate.";
+  if (compared) motion = MotionOfBoth(in.comparison, std::move(motion));
+  if (!motion) return;
+  if (in.record.trials.size() > 1) motion->title += ", " + in.record.trials.front();
+  page->AddMotion(*motion);
+}
+
 void AddSearch(const FitPageInput& in, report::Page* page) {
   page->AddSection("Course of the search",
                    fmt::format("{} of the model; every one is in the file.",
@@ -304,10 +321,8 @@ void WriteFitPage(const std::string& path, const FitPageInput& in) {
   if (in.record.measured.cols() > 0 || !in.record.channels.empty()) {
     AddParameters(in, &page);
     AddProfiles(in, &page);
-    if (!in.comparison.errors.empty()) {
-      if (const auto motion = MotionOfMarks(in.comparison)) page.AddMotion(*motion);
-      AddComparisonPanels(in.comparison, &page);
-    }
+    AddMovingScene(in, &page);
+    if (!in.comparison.errors.empty()) AddComparisonPanels(in.comparison, &page);
     AddLadder(in.record, &page);
     AddModelError(in, &page);
     AddChannels(in.record, &page);

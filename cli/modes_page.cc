@@ -6,6 +6,7 @@
 #include <cmath>
 #include <map>
 
+#include "base/fixed_number.h"
 #include "report/motion.h"
 #include "report/page.h"
 
@@ -143,7 +144,7 @@ std::vector<std::vector<std::string>> ModeRows(const data::ModesRecord& record) 
     const Mode& mode = record.modes[m];
     rows.push_back({std::to_string(m + 1),
                     mode.growth > 0.0 ? fmt::format("unstable, {:.4g} 1/s", mode.growth)
-                                      : fmt::format("{:.5f}", mode.frequency),
+                                      : FixedNumber(mode.frequency, 5),
                     std::isfinite(mode.error) ? fmt::format("+-{:.2g}", mode.error) : "?",
                     fmt::format("{:.4f}", 100.0 * mode.damping),
                     record.places[record.MovesMost(mode)]});

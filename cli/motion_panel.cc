@@ -34,76 +34,115 @@ std::vector<double> ReadChosen(const data::RunReader& run, int quantity,
   return out;
 }
 
-void AddShapes(const data::RunReader& run, const std::vector<std::size_t>& frames,
-               report::Motion* motion) {
-  using Kind = report::MovingLine::Kind;
-  const std::vector<data::BeamShape>& shapes = run.shapes();
-  std::vector<std::vector<double>> moved(shapes.size());
+// Shapes of these times alone.
+std::vector<data::BeamMotion> ReadChosenShapes(const data::RunReader& run,
+                                               const std::vector<std::size_t>& frames) {
+  std::vector<data::BeamMotion> out;
+  for (const data::BeamShape& shape : run.shapes()) {
+    out.push_back({shape.name, shape.at, {}, shape.kind});
+  }
   std::vector<double> xy;
   for (const std::size_t frame : frames) {
     run.ReadShapes(frame, 1, &xy);
     auto from = xy.begin();
-    for (std::size_t k = 0; k < shapes.size(); ++k) {
-      const auto to = from + static_cast<std::ptrdiff_t>(2 * shapes[k].at.size());
-      moved[k].insert(moved[k].end(), from, to);
+    for (data::BeamMotion& shape : out) {
+      const auto to = from + static_cast<std::ptrdiff_t>(2 * shape.at.size());
+      shape.xy.insert(shape.xy.end(), from, to);
       from = to;
     }
   }
+  return out;
+}
+
+std::vector<data::RunEvent> ReadEvents(const data::H5Reader& file) {
+  const std::vector<double> t = file.ReadDoubles("/events/t", "s");
+  const std::vector<std::string> kinds = file.ReadStrings("/events/kind");
+  const std::vector<std::string> places = file.ReadStrings("/events/where");
+  std::vector<data::RunEvent> out;
+  for (std::size_t i = 0; i < std::min({t.size(), kinds.size(), places.size()}); ++i) {
+    out.push_back({t[i], kinds[i], places[i], {}});
+  }
+  return out;
+}
+
+// What a picture shows of a run, in memory: thinned, of a run of any length.
+data::Run Thinned(const data::RunReader& run, const std::vector<std::string>& marks) {
+  data::Run out;
+  const std::vector<std::size_t> samples = report::EvenlyChosen(run.samples(), kMostSamples);
+  out.t = ReadChosen(run, -1, samples);
+  for (const std::string& mark : marks) {
+    for (const char* axis : {".x", ".y"}) {
+      const int column = run.Find(mark + axis);
+      if (column < 0) continue;
+      out.quantities.push_back(run.quantities()[static_cast<std::size_t>(column)]);
+      out.columns.push_back(ReadChosen(run, column, samples));
+    }
+  }
+  const std::vector<double>& t = run.shape_times();
+  const std::vector<std::size_t> frames = report::EvenlyChosen(t.size(), kMostFrames);
+  for (const std::size_t f : frames) out.shape_t.push_back(t[f]);
+  out.shapes = ReadChosenShapes(run, frames);
+  out.events = ReadEvents(run.file());
+  return out;
+}
+
+void AddShapes(const data::Run& run, report::Motion* motion) {
+  using Kind = report::MovingLine::Kind;
   // Bodies lie under beams.
   for (const data::ShapeKind kind :
        {data::ShapeKind::kBody, data::ShapeKind::kBeam, data::ShapeKind::kPin}) {
-    for (std::size_t k = 0; k < shapes.size(); ++k) {
-      if (shapes[k].kind != kind) continue;
+    for (const data::BeamMotion& shape : run.shapes) {
+      if (shape.kind != kind) continue;
       if (kind == data::ShapeKind::kPin) {
         report::MovingPin pin;
-        pin.name = shapes[k].name;
-        pin.xy = std::move(moved[k]);
+        pin.name = shape.name;
+        pin.xy = shape.xy;
         motion->pins.push_back(std::move(pin));
         continue;
       }
       report::MovingLine line;
-      line.name = shapes[k].name;
+      line.name = shape.name;
       line.kind = kind == data::ShapeKind::kBeam ? Kind::kBeam : Kind::kBody;
-      line.points = shapes[k].at.size();
-      line.xy = std::move(moved[k]);
+      line.points = shape.at.size();
+      line.xy = shape.xy;
       motion->lines.push_back(std::move(line));
     }
   }
 }
 
 // Latches and contacts into the joints' pins, and all as events.
-void AddEvents(const data::H5Reader& file, double end, double offset, report::Motion* motion) {
-  const std::vector<double> t = file.ReadDoubles("/events/t", "s");
-  const std::vector<std::string> kinds = file.ReadStrings("/events/kind");
-  const std::vector<std::string> places = file.ReadStrings("/events/where");
+void AddEvents(const std::vector<data::RunEvent>& events, double end, double offset,
+               report::Motion* motion) {
   std::map<std::string, report::MovingPin*> pins;
   for (report::MovingPin& pin : motion->pins) pins[pin.name] = &pin;
-  const std::size_t count = std::min({t.size(), kinds.size(), places.size()});
-  for (std::size_t i = 0; i < count; ++i) {
-    const double at = t[i] + offset;
-    motion->events.push_back({at, kinds[i] + " " + places[i], -1});
-    const auto pin = pins.find(places[i]);
+  for (const data::RunEvent& event : events) {
+    const double at = event.t + offset;
+    motion->events.push_back({at, event.kind + " " + event.where, -1});
+    const auto pin = pins.find(event.where);
     if (pin == pins.end()) continue;
     auto& contacts = pin->second->contacts;
-    if (kinds[i] == "latch") pin->second->latched = at;
-    if (kinds[i] == "contact_start") contacts.emplace_back(at, end + offset);
-    if (kinds[i] == "contact_end" && !contacts.empty()) contacts.back().second = at;
+    if (event.kind == "latch") pin->second->latched = at;
+    if (event.kind == "contact_start") contacts.emplace_back(at, end + offset);
+    if (event.kind == "contact_end" && !contacts.empty()) contacts.back().second = at;
   }
 }
 
-void AddMarks(const data::RunReader& run, const std::vector<std::string>& marks, double offset,
+void AddMarks(const data::Run& run, const std::vector<std::string>& marks, double offset,
               report::Motion* motion) {
-  const std::vector<std::size_t> samples = report::EvenlyChosen(run.samples(), kMostSamples);
-  std::vector<double> t = ReadChosen(run, -1, samples);
-  for (double& time : t) time += offset;
+  const std::vector<std::size_t> samples = report::EvenlyChosen(run.t.size(), kMostSamples);
+  const auto chosen = [&samples](const std::vector<double>& all, double shift) {
+    std::vector<double> out;
+    for (const std::size_t i : samples) out.push_back(all[i] + shift);
+    return out;
+  };
   for (std::size_t m = 0; m < marks.size(); ++m) {
     const int x = run.Find(marks[m] + ".x"), y = run.Find(marks[m] + ".y");
     if (x < 0 || y < 0) continue;
     report::MovingMark mark;
     mark.name = marks[m];
-    mark.t = t;
-    mark.x = ReadChosen(run, x, samples);
-    mark.y = ReadChosen(run, y, samples);
+    mark.t = chosen(run.t, offset);
+    mark.x = chosen(run.columns[static_cast<std::size_t>(x)], 0.0);
+    mark.y = chosen(run.columns[static_cast<std::size_t>(y)], 0.0);
     mark.color = static_cast<int>(m);
     motion->marks.push_back(std::move(mark));
   }
@@ -111,20 +150,24 @@ void AddMarks(const data::RunReader& run, const std::vector<std::string>& marks,
 
 }  // namespace
 
-std::optional<report::Motion> MotionOfRun(const data::RunReader& run,
+std::optional<report::Motion> MotionOfRun(const data::Run& run,
                                           const std::vector<std::string>& marks, double offset) {
-  const std::vector<double>& t = run.shape_times();
-  if (t.size() < 2) return std::nullopt;
+  if (run.shape_t.size() < 2) return std::nullopt;
   report::Motion motion;
   motion.title = "The motion";
   motion.x = {"x", "m", false};
   motion.y = {"y", "m", false};
-  const std::vector<std::size_t> frames = report::EvenlyChosen(t.size(), kMostFrames);
-  for (const std::size_t f : frames) motion.t.push_back(t[f] + offset);
-  AddShapes(run, frames, &motion);
-  AddEvents(run.file(), t.back(), offset, &motion);
+  for (const double t : run.shape_t) motion.t.push_back(t + offset);
+  AddShapes(run, &motion);
+  AddEvents(run.events, run.shape_t.back(), offset, &motion);
   AddMarks(run, marks, offset, &motion);
   return motion;
+}
+
+std::optional<report::Motion> MotionOfRun(const data::RunReader& run,
+                                          const std::vector<std::string>& marks, double offset) {
+  if (run.shape_times().size() < 2) return std::nullopt;
+  return MotionOfRun(Thinned(run, marks), marks, offset);
 }
 
 namespace {
@@ -144,10 +187,6 @@ void AddCompared(const correlate::Comparison& c, bool measured, report::Motion* 
 
 }  // namespace
 
-void AddMeasured(const correlate::Comparison& c, report::Motion* motion) {
-  AddCompared(c, true, motion);
-}
-
 std::optional<report::Motion> MotionOfMarks(const correlate::Comparison& c) {
   report::Motion motion;
   motion.title = "Both in motion";
@@ -157,12 +196,23 @@ std::optional<report::Motion> MotionOfMarks(const correlate::Comparison& c) {
   motion.x = {"x", "m", false};
   motion.y = {"y", "m", false};
   AddCompared(c, false, &motion);
-  AddMeasured(c, &motion);
+  AddCompared(c, true, &motion);
   for (const correlate::ModelEvent& latch : c.latches) {
     motion.events.push_back({latch.t + c.alignment.at.offset, "latch " + latch.where, -1});
   }
   if (!SpanFrames(&motion)) return std::nullopt;
   return motion;
+}
+
+std::optional<report::Motion> MotionOfBoth(const correlate::Comparison& c,
+                                           std::optional<report::Motion> model) {
+  if (!model) return MotionOfMarks(c);
+  model->title = "Both in motion";
+  model->note =
+      "Lines and discs are simulated, rings measured, in the model's plane; between two measured "
+      "samples a ring goes straight.";
+  AddCompared(c, true, &*model);
+  return model;
 }
 
 bool SpanFrames(report::Motion* motion) {

@@ -17,12 +17,19 @@ std::optional<report::Motion> MotionOfRun(const data::RunReader& run,
                                           const std::vector<std::string>& marks,
                                           double offset = 0.0);
 
-// The measured marks of a comparison, in the reference's plane and by the record's clock.
-void AddMeasured(const correlate::Comparison& comparison, report::Motion* motion);
+// The same of a run in memory, of which every picture is shown.
+std::optional<report::Motion> MotionOfRun(const data::Run& run,
+                                          const std::vector<std::string>& marks,
+                                          double offset = 0.0);
 
 // A comparison's marks, measured and computed, where there is no structure to draw; nothing where
 // there are fewer than two samples.
 std::optional<report::Motion> MotionOfMarks(const correlate::Comparison& comparison);
+
+// The measured marks of a comparison over the reference in motion, by the record's clock; without
+// a structure to draw as MotionOfMarks.
+std::optional<report::Motion> MotionOfBoth(const correlate::Comparison& comparison,
+                                           std::optional<report::Motion> reference);
 
 // Evenly spaced frames over all marks of a motion that has none; whether there is a time to show.
 bool SpanFrames(report::Motion* motion);

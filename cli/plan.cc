@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
+#include "base/length.h"
 #include "base/table.h"
 #include "base/text.h"
 #include "calib/plan_survey.h"
@@ -92,12 +93,12 @@ void WritePage(const PlanArguments& arguments, const calib::PlanResult& out,
   if (!out.planned.weak.empty()) {
     report::Table weak;
     weak.title = "What such a survey would barely determine";
-    weak.header = {"camera", "direction", "sigma", "moves points by [mm]", "advice"};
+    weak.header = {"camera", "direction", "sigma", "moves points by", "advice"};
     weak.text_columns = {0, 1, 4};
     for (const calib::WeakDirection& w : out.planned.weak) {
       weak.rows.push_back({out.planned.rig.cameras[static_cast<std::size_t>(w.camera)].name, w.name,
-                           fmt::format("{:.2g} {}", w.sigma, w.unit),
-                           fmt::format("{:.3f}", 1e3 * w.point_rms), w.advice});
+                           fmt::format("{:.2g} {}", w.sigma, w.unit), LengthText(w.point_rms),
+                           w.advice});
     }
     page.AddTable(weak);
   }

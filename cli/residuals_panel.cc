@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/fixed_number.h"
+#include "base/length.h"
 #include "cli/residual_views.h"
 #include "correlate/residual/row_layout.h"
 
@@ -121,13 +123,13 @@ void AddResiduals(const correlate::FitProblem& problem, const correlate::FitResu
       "The simulated marks depend on the solver's tolerance there, since impacts amplify its "
       "errors; "
       "the weight accounts for this numerical noise.";
-  less.header = {"trial", "mark", "from [s]", "to [s]", "solver's noise [mm]", "weight"};
+  less.header = {"trial", "mark", "from [s]", "to [s]", "solver's noise", "weight"};
   less.text_columns = {0, 1};
   for (const auto& l : record.less_weight) {
     less.rows.push_back({record.trials[static_cast<std::size_t>(l.trial)],
-                         record.marks[static_cast<std::size_t>(l.mark)],
-                         fmt::format("{:.3f}", l.from), fmt::format("{:.3f}", l.to),
-                         fmt::format("{:.3g}", 1e3 * l.noise), fmt::format("{:.2g}", l.weight)});
+                         record.marks[static_cast<std::size_t>(l.mark)], FixedNumber(l.from, 3),
+                         FixedNumber(l.to, 3), LengthText(l.noise),
+                         fmt::format("{:.2g}", l.weight)});
   }
   page->AddTable(less);
 }

@@ -31,10 +31,9 @@ struct SimulateArguments {
   std::string scene, out, report;
   std::vector<std::string> sets;
   std::optional<std::string> method;
-  std::optional<double> rtol, rate, duration;
+  std::optional<double> rtol, rate, duration, shape_rate;
   bool profile = false, certify = false;
   std::vector<std::string> quantities, plots;
-  double shape_rate = sim::RecordOptions().shape_rate;  // [1/s]
 };
 
 // Says while a run goes on that it will take long.
@@ -114,17 +113,14 @@ class SimulateVerb {
  private:
   // The command line's words go before the scene's.
   sim::RecordOptions Options(const data::Scene& scene) const {
-    sim::SimulateOptions simulate = sim::SolverOptions(scene);
+    if (arguments_.duration && !(*arguments_.duration > 0.0)) {
+      throw Error(fmt::format("{} is not a duration", *arguments_.duration), "option duration",
+                  "use a positive number of seconds");
+    }
+    sim::SimulateOptions simulate = sim::SolverOptions(scene, arguments_.duration.value_or(0.0));
     if (arguments_.method) simulate.method = sim::MethodOf(*arguments_.method);
     simulate.rtol = arguments_.rtol.value_or(simulate.rtol);
     simulate.rate = arguments_.rate.value_or(simulate.rate);
-    if (arguments_.duration) {
-      if (!(*arguments_.duration > 0.0)) {
-        throw Error(fmt::format("{} is not a duration", *arguments_.duration), "option duration",
-                    "use a positive number of seconds");
-      }
-      simulate.duration = *arguments_.duration;
-    }
     simulate.profile = arguments_.profile;
     sim::RecordOptions options;
     options.simulate = simulate;
@@ -173,7 +169,9 @@ Verb AddSimulate(CLI::App& program, Common& common) {
   app->add_option("--rtol", arguments->rtol,
                   "Error allowed per step, relative to the longest beam, 1 rad, and the speeds "
                   "(default: the scene's, or 1e-6)");
-  app->add_option("--rate", arguments->rate, "Samples per second (default: the scene's, or 1000)");
+  app->add_option(
+      "--rate", arguments->rate,
+      "Samples per second (default: the scene's, or 1000, and a thousand in all at least)");
   app->add_option("--duration", arguments->duration, "Seconds to simulate (default: the scene's)");
   app->add_option("--quantities", arguments->quantities,
                   "What to sample, by name, * and ? standing for letters: 'mark*' 'energy.*' "
@@ -185,7 +183,8 @@ Verb AddSimulate(CLI::App& program, Common& common) {
                   "of joints; 'none': nothing)")
       ->delimiter(',')
       ->type_name("NAMES");
-  app->add_option("--shape-rate", arguments->shape_rate, "Beam shapes per second; 0 for none")
+  app->add_option("--shape-rate", arguments->shape_rate,
+                  "Beam shapes per second; 0 for none (default: 50, and 200 in all at least)")
       ->capture_default_str();
   files.Page(&arguments->report, "Also write a page with pictures (HTML)");
   app->add_flag("--certify", arguments->certify,

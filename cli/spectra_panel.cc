@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 
+#include "base/fixed_number.h"
 #include "cli/comparison_panels.h"
 #include "correlate/compare/comparison.h"
 #include "report/page.h"
@@ -83,11 +84,11 @@ report::Chart SpectrumChart(const correlate::Comparison& c, const correlate::Com
 
 void AddSpectrumPanels(const correlate::Comparison& c, report::Page* page) {
   if (c.spectra.empty()) return;
-  page->AddSection(
-      c.reference.empty() ? "Spectra" : "Both spectra",
-      fmt::format("From {:.2f} to {:.2f} s on the record's clock{}. Each spectrum: {}.",
-                  c.spectrum_from, c.spectrum_to, c.latches.empty() ? "" : ", after the last latch",
-                  c.spectra.front().measured.convention));
+  page->AddSection(c.reference.empty() ? "Spectra" : "Both spectra",
+                   fmt::format("From {} to {} s on the record's clock{}. Each spectrum: {}.",
+                               FixedNumber(c.spectrum_from, 2), FixedNumber(c.spectrum_to, 2),
+                               c.latches.empty() ? "" : ", after the last latch",
+                               c.spectra.front().measured.convention));
   for (const correlate::ComparedSpectrum& s : c.spectra) {
     const bool shown = !s.id.IsCoordinate() || s.id.axis == 1;
     if (shown) page->AddSpectrum(SpectrumChart(c, s));

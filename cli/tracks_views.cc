@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 
+#include "base/fixed_number.h"
 #include "cli/motion_panel.h"
 #include "cli/space_panel.h"
 #include "report/far_origin.h"
@@ -64,8 +65,8 @@ void AddSpace(const data::Rig& rig, const TracksDigest& digest, report::Page* pa
          report::EvenlyChosen(usable.size(), report::kMostSpacePoints / marks)) {
       const std::size_t i = usable[k];
       cloud.points.push_back({PlaceOf(place(i)), kViewMilli * dots.sigma[i],
-                              fmt::format("{}, {:.4f} s", digest.marks[m], dots.t[i]), dots.used[i],
-                              dots.left_out[i]});
+                              fmt::format("{}, {} s", digest.marks[m], FixedNumber(dots.t[i])),
+                              dots.used[i], dots.left_out[i]});
     }
     for (const std::size_t k : report::EvenlyChosen(usable.size(), kMostEllipsoids / marks)) {
       const std::size_t i = usable[k];

@@ -70,7 +70,8 @@ struct CampaignJob {
   std::vector<std::string> set;  ///< overrides of the scene
   double rtol = 1e-6;            ///< of the simulator [-]
   double duration = 0.0;         ///< [s]; 0: the scene's
-  double rate = 1000.0;          ///< of the samples that responses are taken from [1/s]
+  double rate = 0.0;             ///< of the samples that responses are taken from [1/s]; 0: as
+                                 ///< many as a run has where nobody asks
   /// One command, with {VARIABLE} in place of values; the word `unfurl` first means this program.
   std::vector<std::vector<std::string>> steps;
   std::vector<std::string> files;  ///< paths, copied to where steps run, {{VARIABLE}} filled in

@@ -152,7 +152,7 @@ void ReadCampaignJob(const TomlTable& job, Campaign* plan) {
     out.set = job.StringsOr("set", {});
     out.rtol = job.NumberOr("rtol", 1e-6, {1e-13, 1e-2});
     out.duration = job.NumberOr("duration", 0.0, kPositive);
-    out.rate = job.NumberOr("rate", 1000.0, kPositive);
+    out.rate = job.NumberOr("rate", 0.0, kPositive);
     return;
   }
   for (const TomlTable& step : steps) {

@@ -122,17 +122,15 @@ struct SimulateArguments {
 };
 
 sim::RecordOptions OptionsOf(const Model& model, const SimulateArguments& arguments) {
-  sim::SimulateOptions simulate = sim::SolverOptions(model.scene->scene);
+  if (arguments.duration && !(*arguments.duration > 0.0)) {
+    throw Error(fmt::format("{} is not a duration", *arguments.duration), "duration",
+                "use a positive number of seconds");
+  }
+  sim::SimulateOptions simulate =
+      sim::SolverOptions(model.scene->scene, arguments.duration.value_or(0.0));
   if (arguments.method) simulate.method = sim::MethodOf(*arguments.method);
   if (arguments.rtol) simulate.rtol = *arguments.rtol;
   if (arguments.rate) simulate.rate = *arguments.rate;
-  if (arguments.duration) {
-    if (!(*arguments.duration > 0.0)) {
-      throw Error(fmt::format("{} is not a duration", *arguments.duration), "duration",
-                  "use a positive number of seconds");
-    }
-    simulate.duration = *arguments.duration;
-  }
   sim::RecordOptions options;
   options.simulate = simulate;
   options.quantities = arguments.quantities;

@@ -153,6 +153,7 @@ void WeighTrials(const DesignOptions& options, Planner& planner, StudyDesign* ou
       found =
           planner.Case(trial.name, planner.Plan(model, stock.content), ChoiceNow(planner, stock));
     } catch (const Error& e) {
+      if (e.kind() == ErrorKind::kMachine) throw;
       if (e.where().starts_with("--set ")) {  // a key or a value that the scene does not take
         throw Error(fmt::format("{}: {}", e.where().substr(6), e.problem()), trial.where,
                     e.remedy());
@@ -170,7 +171,7 @@ const correlate::Model& ModelWithMarks(const DesignOptions& options, Planner* pl
     try {
       planner->Model(m.set);
     } catch (const Error& e) {
-      throw Error(e.problem(), m.where, e.remedy());
+      throw Error(e.problem(), m.where, e.remedy(), e.kind());
     }
     set.insert(set.end(), m.set.begin(), m.set.end());
   }

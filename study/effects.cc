@@ -59,6 +59,7 @@ class Bench {
         if (seconds.back() > kRepeatBelow) break;
       }
     } catch (const Error& e) {
+      if (e.kind() == ErrorKind::kMachine) throw;  // says nothing about the effect
       out.motion.status = correlate::ModelStatus::kFailed;
       out.motion.message = e.what();
     }

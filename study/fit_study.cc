@@ -7,6 +7,7 @@
 #include "study/fit_record.h"
 #include "study/instruments_apart.h"
 #include "study/model_warnings.h"
+#include "study/scene_model.h"
 
 namespace unfurl::study {
 
@@ -43,6 +44,28 @@ void Run(const data::Study& study, const FitStudyOptions& options, correlate::Wo
   AddModelWarnings(fit->binding->problem, fit->result, &fit->record);
 }
 
+// What the fit means: of the finest rung, where there are several.
+const correlate::Model& ModelMeant(const correlate::FitTrial& trial) {
+  return trial.rungs.empty() ? *trial.model : *trial.rungs.back().model;
+}
+
+std::vector<double> EstimateOf(const data::FitRecord& record) {
+  std::vector<double> theta;
+  for (const auto& p : record.parameters) theta.push_back(p.value);
+  return theta;
+}
+
+// The scene at the estimate, for as long as the trial is.
+std::optional<data::Run> MotionAtEstimate(const correlate::FitTrial& trial,
+                                          const data::FitRecord& record) {
+  const auto* scene = dynamic_cast<const SceneModel*>(&ModelMeant(trial));
+  const double lasts = trial.observations->End() - trial.observations->Start();
+  if (scene == nullptr || !(lasts > 0.0)) return std::nullopt;
+  data::Run run = scene->RunAt(EstimateOf(record), lasts);
+  if (run.text["status"] != "good") return std::nullopt;
+  return run;
+}
+
 }  // namespace
 
 correlate::Comparison CompareAtEstimate(const correlate::FitTrial& trial,
@@ -60,12 +83,9 @@ correlate::Comparison CompareAtEstimate(const correlate::FitTrial& trial,
   if (drifts && !c.observations.placement.drift.Told()) {
     c.observations.placement.drift = correlate::Prior::Free();
   }
-  std::vector<double> theta;
-  for (const auto& p : record.parameters) theta.push_back(p.value);
+  const std::vector<double> theta = EstimateOf(record);
   const double end = c.observations.End() - c.observations.Start();
-  const correlate::Model& model =
-      trial.rungs.empty() ? *trial.model : *trial.rungs.back().model;  // what the fit means
-  const correlate::SampledModel sampled(model, theta, c.marks, 0.0, end,
+  const correlate::SampledModel sampled(ModelMeant(trial), theta, c.marks, 0.0, end,
                                         ComparisonStep(c.observations, end));
   if (!sampled.good()) return c;
   for (const correlate::ModelEvent& e : sampled.events()) {
@@ -121,7 +141,9 @@ StudyFit Fit(const data::Study& study, const FitStudyOptions& options) {
     journal.Remove();
   }
   if (options.compare && fit.Usable()) {
-    fit.comparison = CompareAtEstimate(fit.problem().trials.front(), fit.record);
+    const correlate::FitTrial& first = fit.problem().trials.front();
+    fit.comparison = CompareAtEstimate(first, fit.record);
+    fit.motion = MotionAtEstimate(first, fit.record);
   }
   return fit;
 }

@@ -2,6 +2,7 @@
 
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "base/error.h"
@@ -10,6 +11,7 @@
 #include "data/fit.h"
 #include "data/journal.h"
 #include "data/provenance.h"
+#include "data/run.h"
 #include "data/study.h"
 #include "study/study_binding.h"
 
@@ -32,7 +34,8 @@ struct FitStudyOptions {
   bool allow_programs = false;
   /// Program, command and options to be stored with the result. The inputs are added.
   data::Provenance provenance;
-  /// Whether trial and model are compared at the estimate (first trial), for a page or a plot.
+  /// Whether trial and model are compared at the estimate (first trial), for a page or a plot, and
+  /// the scene's motion kept there.
   bool compare = false;
   /// Called at the start when evaluations were taken over: how many, and the file.
   std::function<void(std::size_t, const std::string&)> on_resume;
@@ -54,6 +57,7 @@ struct StudyFit {
   data::FitRecord record;               ///< the same as a record for files, verdicts in words
   data::Provenance provenance;          ///< inputs by hash
   correlate::Comparison comparison;     ///< at the estimate; without errors: none was made
+  std::optional<data::Run> motion;      ///< likewise, marks and shapes; none of a program's
 
   // The problem as it was fitted; lives as long as `binding`.
   const correlate::FitProblem& problem() const { return binding->problem; }
@@ -89,9 +93,9 @@ void RunPrepared(const data::Study& study, const FitStudyOptions& options, data:
 /// The problems that Fit, or FitRepeat where study.repeat.wanted, would fit, ready for
 /// evaluations, and what `where` of the options gets with them.
 struct StudyProblems {
-  std::vector<StudyFit> fits;                         ///< own the problems
-  std::vector<const correlate::FitProblem*> problems; ///< in `fits`, in order
-  std::string identity;                               ///< of what answers depend on
+  std::vector<StudyFit> fits;                          ///< own the problems
+  std::vector<const correlate::FitProblem*> problems;  ///< in `fits`, in order
+  std::string identity;                                ///< of what answers depend on
 };
 /// Reads all that they need. Throws Error.
 StudyProblems ProblemsOf(const data::Study& study, const FitStudyOptions& options);

@@ -7,6 +7,7 @@
 #include "base/error.h"
 #include "data/scene.h"
 #include "sim/dynamics/observables.h"
+#include "sim/record/record.h"
 
 namespace unfurl::study {
 
@@ -56,6 +57,19 @@ correlate::Prediction SceneModel::Evaluate(std::span<const double> theta,
           ->At(stamps);
   out.seconds = CpuSeconds(CLOCK_THREAD_CPUTIME_ID) - start;
   return out;
+}
+
+data::Run SceneModel::RunAt(std::span<const double> theta, double duration) const {
+  sim::RecordOptions options;
+  options.simulate.emplace();
+  options.simulate->rtol = options_.rtol;
+  options.simulate->duration = duration;
+  options.simulate->rate = sim::UsualRate(duration);
+  for (const std::string& mark : marks_) {
+    options.quantities.push_back(mark + ".x");
+    options.quantities.push_back(mark + ".y");
+  }
+  return sim::Record(sim::CompileModel(SceneAt(theta)), options).run;
 }
 
 }  // namespace unfurl::study

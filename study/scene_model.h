@@ -34,6 +34,10 @@ class SceneModel : public correlate::Model {
   correlate::Prediction Evaluate(std::span<const double> theta,
                                  const correlate::Stamps& stamps) const override;
 
+  // The run at `theta` until `duration` [s] in memory: marks and shapes, for pictures. Not usable:
+  // as its status says. Throws Error for values that the scene refuses.
+  data::Run RunAt(std::span<const double> theta, double duration) const;
+
   // Of the nearest of the motions that are kept; none: nothing was simulated here.
   std::optional<std::vector<std::string>> WarningsNear(std::span<const double> theta) const {
     return motions_.WarningsNear(theta);

@@ -183,6 +183,7 @@ class TrialBench {
           "channel {} records it ('{}'): leave the channel out to ask whether the rest needs it",
           missing.channel(), missing.quantity());
     } catch (const Error& error) {
+      if (error.kind() == ErrorKind::kMachine) throw;  // says nothing about the effect
       e->verdict = EffectVerdict::kFailed;
       e->message = error.what();
     }

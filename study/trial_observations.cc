@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "base/error.h"
+#include "base/fixed_number.h"
 #include "base/text.h"
 #include "correlate/residual/channel.h"
 #include "correlate/residual/timed_events.h"
@@ -288,9 +289,10 @@ void AddChannels(const data::StudyTrial& trial, const std::vector<data::Quantity
   }
   for (const data::StudyEvent& e : trial.events) {
     if (e.time < observations->Start() || e.time > observations->End()) {
-      throw Error(fmt::format("{} s lies outside of the record, {:.3f} to {:.3f} s", e.time,
-                              observations->Start(), observations->End()),
-                  e.at, "give the time on the record's clock");
+      throw Error(
+          fmt::format("{} s lies outside of the record, {} to {} s", e.time,
+                      FixedNumber(observations->Start(), 3), FixedNumber(observations->End(), 3)),
+          e.at, "give the time on the record's clock");
     }
     events.push_back({e.kind, e.where, e.count, e.time, e.sigma});
   }

@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "base/count.h"
+#include "base/fixed_number.h"
 #include "base/length.h"
 #include "base/number.h"
 #include "base/text.h"
@@ -273,8 +274,8 @@ void AddGrossWords(const correlate::Observations& o, const correlate::TrialResul
                    });
   std::vector<std::string> names;
   for (std::size_t i = 0; i < std::min(kNamed, far.size()); ++i) {
-    names.push_back(fmt::format("{} at {:.4f} s ({:.3g} sigma)", o.marks[far[i].mark].name,
-                                far[i].t, far[i].sigmas));
+    names.push_back(fmt::format("{} at {} s ({:.3g} sigma)", o.marks[far[i].mark].name,
+                                FixedNumber(far[i].t), far[i].sigmas));
   }
   record->reasons.push_back(
       fmt::format("Gross errors, which count for next to nothing: {} of {}{}: {}{}.",
@@ -361,10 +362,10 @@ void AddTrialWords(const std::vector<std::string>& parameters,
         least = std::min(least, l.weight);
       }
       record->reasons.push_back(
-          fmt::format("From {:.2f} s on the simulated motion depends on the solver's tolerance "
+          fmt::format("From {} s on the simulated motion depends on the solver's tolerance "
                       "(impacts magnify "
                       "its errors): {} sections of marks have less weight there, down to {:.2g}.",
-                      from, t.less_weight.size(), least));
+                      FixedNumber(from, 2), t.less_weight.size(), least));
     }
     const std::string of = several ? " of " + t.name : "";
     if (std::string words = BetweenWords(t, of); !words.empty()) record->reasons.push_back(words);

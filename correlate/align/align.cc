@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "base/dense.h"
+#include "base/fixed_number.h"
 #include "base/text.h"
 #include "correlate/align/channel_align.h"
 #include "correlate/align/far_samples.h"
@@ -166,9 +167,9 @@ void Judge(bool converged, double min_r2, Alignment* out) {
   if (out->r2 < min_r2) {
     out->status = AlignStatus::kNothingShared;
     out->message = fmt::format(
-        "the records share nothing: with the best frame and time offset ({:.4f} s) the reference "
+        "the records share nothing: with the best frame and time offset ({} s) the reference "
         "explains {:.0f}% of the marks' motion ({:.0f}% is asked)",
-        out->at.offset, 100.0 * std::max(0.0, out->r2), 100.0 * min_r2);
+        FixedNumber(out->at.offset), 100.0 * std::max(0.0, out->r2), 100.0 * min_r2);
     return;
   }
   if (!converged) {

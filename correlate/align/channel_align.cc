@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "base/dense.h"
+#include "base/fixed_number.h"
 #include "base/text.h"
 #include "correlate/align/refine.h"
 #include "correlate/residual/row_layout.h"
@@ -283,9 +284,10 @@ Alignment AlignChannels(const Observations& record, const SampledModel& model,
   if (!placed && explained < options.min_r2_of_one) {
     out.status = AlignStatus::kNothingShared;
     out.message = fmt::format(
-        "the channels and the model share nothing: with the best time offset ({:.4f} s) the model "
+        "the channels and the model share nothing: with the best time offset ({} s) the model "
         "explains {:.0f}% of what the channels show ({:.0f}% is asked)",
-        out.at.offset, 100.0 * std::max(0.0, explained), 100.0 * options.min_r2_of_one);
+        FixedNumber(out.at.offset), 100.0 * std::max(0.0, explained),
+        100.0 * options.min_r2_of_one);
     return out;
   }
   out.status = settled ? AlignStatus::kGood : AlignStatus::kNotConverged;

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/fixed_number.h"
 #include "base/number.h"
 #include "correlate/align/stated.h"
 #include "correlate/fit/normal_matrix.h"
@@ -37,8 +38,8 @@ std::vector<std::string> ClockWords(const Comparison& c, const std::string& foun
           ? NumberWithError(1e6 * std::abs(a.drift), 1e6 * a.Sigma("clock drift"))
           : fmt::format("{:g} (known)", 1e6 * std::abs(a.drift));
   out.push_back(fmt::format(
-      "The record's clock runs {} by {} parts in a million; that is taken out, about {:.3f} s.",
-      a.drift > 0.0 ? "fast" : "slow", by, a.drift_pivot));
+      "The record's clock runs {} by {} parts in a million; that is taken out, about {} s.",
+      a.drift > 0.0 ? "fast" : "slow", by, FixedNumber(a.drift_pivot, 3)));
   return out;
 }
 

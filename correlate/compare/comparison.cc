@@ -9,6 +9,7 @@
 #include <optional>
 
 #include "base/error.h"
+#include "base/fixed_number.h"
 #include "base/length.h"
 #include "base/text.h"
 #include "correlate/align/body_angle.h"
@@ -145,9 +146,9 @@ void AddErrorReasons(Comparison* c) {
   for (std::size_t m = 0; m < c->marks.size(); ++m) {  // not the row of all marks
     if (c->errors[m].rmse > worst->rmse) worst = &c->errors[m];
   }
-  c->reasons.push_back(fmt::format("Farthest apart is {}: {} RMS, {} at most, at {:.3f} s.",
+  c->reasons.push_back(fmt::format("Farthest apart is {}: {} RMS, {} at most, at {} s.",
                                    worst->mark, LengthText(worst->rmse), LengthText(worst->largest),
-                                   worst->largest_at));
+                                   FixedNumber(worst->largest_at, 3)));
   c->reasons.push_back(
       fmt::format("Out of the plane the marks stray by {} RMS (mean {}); the reference is {}.",
                   LengthText(all.rmse_across), MeanText(all.bias_across, all.rmse_across),

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <string>
 
+#include "base/fixed_number.h"
 #include "base/statistics.h"
 #include "correlate/compare/comparison_measures.h"
 
@@ -193,9 +194,9 @@ void AddPeakReasons(Comparison* c) {
   }
   if (peaks == 0 || c->reference.empty()) return;
   c->reasons.push_back(fmt::format(
-      "Of {} spectral peaks measured after {:.2f} s, {} have a partner in the reference within "
+      "Of {} spectral peaks measured after {} s, {} have a partner in the reference within "
       "two bins, at most {:.1f}% away in frequency.",
-      peaks, c->spectrum_from, pairs, 100.0 * farthest));
+      peaks, FixedNumber(c->spectrum_from, 2), pairs, 100.0 * farthest));
 }
 
 }  // namespace unfurl::correlate

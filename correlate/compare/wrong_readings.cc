@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "base/count.h"
+#include "base/fixed_number.h"
 #include "base/number.h"
 #include "base/text.h"
 #include "correlate/align/far_samples.h"
@@ -67,9 +68,9 @@ std::vector<std::string> GrossWords(const Observations& observations,
     for (std::size_t i = 0; i < std::min(kNamed, far.size()); ++i) {
       const ChannelRecord& r = channel->record();
       names.push_back(
-          fmt::format("{} at {:.4f} s ({:.3g} sigma)",
+          fmt::format("{} at {} s ({:.3g} sigma)",
                       Number(r.y(static_cast<Eigen::Index>(far[i].index))) + UnitAfter(r.unit),
-                      r.t[far[i].index], far[i].sigmas));
+                      FixedNumber(r.t[far[i].index]), far[i].sigmas));
     }
     out.push_back(fmt::format("Gross errors, which are put aside: {} of {} of {}{}: {}{}.",
                               far.size(), Counted(one.readings, "reading"), one.name, of,
@@ -93,8 +94,8 @@ std::vector<std::string> TakeOutWrong(const std::string& name, const std::string
   if (far.empty()) return out;
   std::vector<std::string> names;
   for (std::size_t i = 0; i < std::min(kNamed, far.size()); ++i) {
-    names.push_back(fmt::format("{}{} at {:.4f} s", Number((*readings.y)[far[i]]), UnitAfter(unit),
-                                (*readings.t)[far[i]]));
+    names.push_back(fmt::format("{}{} at {} s", Number((*readings.y)[far[i]]), UnitAfter(unit),
+                                FixedNumber((*readings.t)[far[i]])));
   }
   out.push_back(fmt::format(
       "Of {} {} taken for gross and left out: {} further off from the readings beside {} than "

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <map>
 
+#include "base/fixed_number.h"
 #include "correlate/fit/ladder_error.h"
 #include "correlate/fit/reduced_problem.h"
 #include "correlate/sampled_model.h"
@@ -61,8 +62,8 @@ std::string LatchesDiffer(const Prediction& coarse, const Prediction& fine, doub
     for (const auto& [latch, t] : *lists) {
       const bool both = a.count(latch) > 0 && b.count(latch) > 0;
       if (!both) {
-        return fmt::format("{} latches at {:.4f} s on one rung and not on the other", latch.first,
-                           t);
+        return fmt::format("{} latches at {} s on one rung and not on the other", latch.first,
+                           FixedNumber(t));
       }
     }
   }

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/fixed_number.h"
 #include "base/number.h"
 #include "base/text.h"
 
@@ -76,7 +77,7 @@ std::string HeldWords(const std::vector<HeldRun>& runs, const std::string& name,
   for (const HeldRun& run : runs) {
     count += run.count;
     if (each.size() == kNamed) continue;
-    each.push_back(fmt::format("{:.4f} to {:.4f} s, all {}{}", run.from, run.to,
+    each.push_back(fmt::format("{} to {} s, all {}{}", FixedNumber(run.from), FixedNumber(run.to),
                                Number(run.value, 6), UnitAfter(unit)));
   }
   return fmt::format(

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/fixed_number.h"
+
 namespace unfurl::correlate {
 
 namespace {
@@ -83,10 +85,10 @@ std::vector<std::string> TimedEvents::Words(const Eigen::VectorXd& numbers, cons
     const double off = clocks.at.ModelTime(e.t, clocks.pivot) - numbers(i);
     out.push_back(
         std::isfinite(off)
-            ? fmt::format("{} was observed at {:.4f} s, {:+.2g} ms ({:+.2g} of its sigma) from the "
+            ? fmt::format("{} was observed at {} s, {:+.2g} ms ({:+.2g} of its sigma) from the "
                           "model's.",
-                          what, e.t, 1e3 * off, off / e.sigma)
-            : fmt::format("{} was observed at {:.4f} s; the model has none.", what, e.t));
+                          what, FixedNumber(e.t), 1e3 * off, off / e.sigma)
+            : fmt::format("{} was observed at {} s; the model has none.", what, FixedNumber(e.t)));
   }
   return out;
 }

@@ -59,8 +59,9 @@ class Integration {
   // After a step that gained so much time: changes between the explicit and the implicit method.
   void SwitchMethod(double gained, double* h);
   // Another one takes the steps from here on.
-  bool ForbidsExplicit() const;
-  bool SparesTrial(StepperSet::Role role, double* h);
+  double ExplicitTolerance() const;
+  bool SparesExplicit(StepperSet::Role role, double* h);
+  void KeepWithinEdge(double* h);
   void TakeOver(StepperSet::Role role, double* h);
   double WeightOfImpact();
   void NextStep(double error, double* h);
@@ -123,6 +124,8 @@ class Integration {
   bool stretches_ = false;        // a smooth beam does
   bool spares_explicit_ = false;  // it was seen that they lose the balance along an axis
   double held_ = 0.0;             // StrainEnergyAtTolerance [J]
+  double edge_rate_ = 0.0;        // of the fastest motion, where steps are kept within it [1/s]
+  int kept_within_ = 0;           // steps
   bool loops_ = false;            // constraints may come to depend on one another
   bool is_near_ = false;          // they nearly do
   double largest_pivot_ = 0.0;    // that the smallest has been [-]

@@ -41,6 +41,8 @@ class MarkCollector : public Observer {
   MarkTracks* tracks_;
 };
 
+constexpr double kHighestRate = 1e7;  // of samples, data::ReadScene's too [1/s]
+
 bool IsPositive(double v) { return v > 0.0 && std::isfinite(v); }
 bool IsNotNegative(double v) { return v >= 0.0 && std::isfinite(v); }
 
@@ -50,11 +52,24 @@ bool IsNotNegative(double v) { return v >= 0.0 && std::isfinite(v); }
 
 }  // namespace
 
+double UsualRate(double duration) {
+  constexpr double kUsual = 1000.0;    // [1/s]: tenfold what a deployment of seconds rings with
+  constexpr double kSamples = 1000.0;  // as many as a chart has columns
+  if (!(duration > 0.0) || duration * kUsual >= kSamples) return kUsual;
+  const double least = kSamples / duration;
+  const double decade = std::pow(10.0, std::floor(std::log10(least)));
+  for (const double step : {1.0, 2.0, 5.0}) {
+    constexpr double kRounding = 1.0 - 1e-9;  // of a duration that is written in decimals
+    if (step * decade >= kRounding * least) return std::min(step * decade, kHighestRate);
+  }
+  return std::min(10.0 * decade, kHighestRate);
+}
+
 void SimulateOptions::Check() const {
   if (!(duration >= 0.0) || duration > 1e7) {
     BadOption("duration", fmt::format("{} s is not a duration", duration), "use 0 to 1e7 s");
   }
-  if (!IsPositive(rate) || rate > 1e7) {
+  if (!IsPositive(rate) || rate > kHighestRate) {
     BadOption("rate", fmt::format("{} is not a sampling rate", rate), "use up to 1e7 per second");
   }
   if (!(rtol >= 1e-13 && rtol <= 1e-2)) {

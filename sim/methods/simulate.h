@@ -50,6 +50,11 @@ struct SimulateOptions {
   void Check() const;
 };
 
+/// Samples per second of a run of `duration` [s] where nobody asks for a rate: 1000, or where that
+/// gives fewer than a thousand samples the next of 1, 2 and 5 times a power of ten that gives as
+/// many; 1e7 at most [1/s].
+double UsualRate(double duration);
+
 // A step that was taken, as far as it was: the motion within it, by the method's dense output.
 class StepMotion {
  public:

@@ -83,6 +83,7 @@ void Integration::NextStep(double error, double* h) {
     *h = options_.max_step;
     limit_ = StepLimit::kMaxStep;
   }
+  KeepWithinEdge(h);
   SeeEffects(h);
 }
 

@@ -18,11 +18,10 @@ Stepper::Stepper(Dynamics& dynamics, const ErrorScale& scale)
   int moving = 0;
   for (int s = 0; s < n_; ++s) {
     if (!dynamics.model().rigid_bodies.IsDynamic(s)) continue;
-    position_weight_[s] = 1.0 / (scale.rtol * scale.length);
-    angle_weight_[s] = 1.0 / (scale.rtol * scale.angle);
     mask_[s] = 1.0;
     ++moving;
   }
+  SetTolerance(scale.rtol);
   mass_ = dynamics.model().rigid_bodies.mass;
   inertia_ = dynamics.model().rigid_bodies.inertia;
   const KirchhoffBeams& smooth = dynamics.model().kirchhoff;
@@ -36,6 +35,14 @@ Stepper::Stepper(Dynamics& dynamics, const ErrorScale& scale)
     }
   }
   norm_factor_ = 1.0 / (6.0 * std::max(moving, 1));
+}
+
+void Stepper::SetTolerance(double rtol) {
+  scale_.rtol = rtol;
+  for (int s = 0; s < n_; ++s) {
+    position_weight_[s] = mask_[s] / (rtol * scale_.length);
+    angle_weight_[s] = mask_[s] / (rtol * scale_.angle);
+  }
 }
 
 void Stepper::Start(double t, const std::vector<double>& y) {

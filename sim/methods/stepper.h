@@ -58,6 +58,8 @@ class Stepper {
   double* trial() { return trial_.data(); }
   const double* trial() const { return trial_.data(); }
   long evaluations() const { return evaluations_; }  // of the right side
+  // Error allowed per step, where it is not the run's [-].
+  void SetTolerance(double rtol);
 
   // Exponent by which the error falls with the step, for step control: 5 for a pair 5(4).
   virtual int ErrorOrder() const = 0;

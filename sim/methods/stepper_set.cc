@@ -30,7 +30,15 @@ Stepper* StepperSet::Get(Role role) {
   SimulateOptions options = options_;
   if (role == kAtEdge) options.order = 8;
   stepper = MakeStepper(options, dynamics_, scale_, method);
+  if (method == Method::kProjected) stepper->SetTolerance(explicit_rtol_);
   return stepper.get();
+}
+
+void StepperSet::SetExplicitTolerance(double rtol) {
+  explicit_rtol_ = rtol;
+  for (const Role role : {kPair, kAtEdge}) {
+    if (steppers_[role] != nullptr) steppers_[role]->SetTolerance(rtol);
+  }
 }
 
 long StepperSet::evaluations() const {

@@ -21,12 +21,14 @@ class StepperSet {
   };
 
   StepperSet(const SimulateOptions& options, Dynamics& dynamics, const ErrorScale& scale)
-      : options_(options), dynamics_(dynamics), scale_(scale) {}
+      : options_(options), dynamics_(dynamics), scale_(scale), explicit_rtol_(scale.rtol) {}
 
   static Role RoleOf(Method method);
   // Whether kAtEdge is another pair than kPair.
   bool HasEdgePair() const;
   Stepper* Get(Role role);
+  // Of explicit steps, where it is to be another than the run's [-].
+  void SetExplicitTolerance(double rtol);
   // Of all that were made.
   long evaluations() const;
   long repartitions() const;
@@ -39,6 +41,7 @@ class StepperSet {
   const SimulateOptions& options_;
   Dynamics& dynamics_;
   ErrorScale scale_;
+  double explicit_rtol_;  // [-]
   std::array<std::unique_ptr<Stepper>, kRoles> steppers_;
   std::array<double, kRoles> time_{};  // gone through [s]
 };

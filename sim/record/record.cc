@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <sys/statvfs.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <utility>
@@ -50,10 +51,19 @@ SimulateOptions OptionsFor(const RecordOptions& options) {
   return options.simulate.value_or(SimulateOptions());
 }
 
+double DurationOf(const SimulateOptions& options, const Model& model) {
+  return options.duration > 0.0 ? options.duration : model.duration;
+}
+
+double ShapeRateOf(const RecordOptions& options, const SimulateOptions& simulate,
+                   const Model& model) {
+  constexpr double kUsual = 50.0, kPictures = 200.0;  // [1/s]; of a run, eight seconds of a film
+  return options.shape_rate.value_or(std::max(kUsual, kPictures / DurationOf(simulate, model)));
+}
+
 double SizeOf(const RunRecorder& recorder, const data::RunLayout& layout,
               const SimulateOptions& options, const Model& model) {
-  const double duration = options.duration > 0.0 ? options.duration : model.duration;
-  const double samples = std::floor(duration * options.rate) + 1.0;
+  const double samples = std::floor(DurationOf(options, model) * options.rate) + 1.0;
   const int every = recorder.shape_every();
   return data::RunWriter::FileSize(layout, samples, every > 0 ? std::ceil(samples / every) : 0.0);
 }
@@ -121,17 +131,18 @@ void RunIntoFile(const std::string& path, const RecordOptions& options,
 
 void RecordOptions::Check() const {
   if (simulate) simulate->Check();
-  if (!(shape_rate >= 0.0) || !std::isfinite(shape_rate)) {
-    throw Error(fmt::format("{} is not a rate", shape_rate), "option shape-rate",
+  if (shape_rate && (!(*shape_rate >= 0.0) || !std::isfinite(*shape_rate))) {
+    throw Error(fmt::format("{} is not a rate", *shape_rate), "option shape-rate",
                 "use shapes per second, or 0 for none");
   }
 }
 
-SimulateOptions SolverOptions(const data::Scene& scene) {
+SimulateOptions SolverOptions(const data::Scene& scene, double duration) {
   SimulateOptions options;
+  options.duration = duration;
   if (scene.solver.method) options.method = MethodOf(*scene.solver.method);
   options.rtol = scene.solver.rtol.value_or(options.rtol);
-  options.rate = scene.solver.rate.value_or(options.rate);
+  options.rate = scene.solver.rate.value_or(UsualRate(duration > 0.0 ? duration : scene.duration));
   return options;
 }
 
@@ -141,8 +152,9 @@ Recording Record(std::shared_ptr<const Model> model, const RecordOptions& option
   Recording out;
   out.model = std::move(model);
   out.options = OptionsFor(options);
-  const auto recorder = std::make_shared<RunRecorder>(
-      *out.model, options.quantities, options.shape_rate, out.options.rate, options.progress);
+  const auto recorder = std::make_shared<RunRecorder>(*out.model, options.quantities,
+                                                      ShapeRateOf(options, out.options, *out.model),
+                                                      out.options.rate, options.progress);
   out.recorder = recorder;
   if (options.certificate && options.certificate->problem().empty()) {
     recorder->SetCertificate(options.certificate.get());
@@ -179,7 +191,8 @@ std::string SizeText(double bytes) {
 
 double RecordingSize(const Model& model, const RecordOptions& options) {
   const SimulateOptions simulate = OptionsFor(options);
-  const RunRecorder recorder(model, options.quantities, options.shape_rate, simulate.rate, false);
+  const RunRecorder recorder(model, options.quantities, ShapeRateOf(options, simulate, model),
+                             simulate.rate, false);
   return SizeOf(recorder, recorder.Layout("", simulate.profile), simulate, model);
 }
 

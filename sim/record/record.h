@@ -19,9 +19,11 @@ class RunRecorder;
 struct RecordOptions {
   std::optional<SimulateOptions> simulate;  ///< none: SolverOptions of the scene
   std::vector<std::string> quantities;  ///< names to keep, * and ? standing for letters; empty: all
-  double shape_rate = 50.0;             ///< beam shapes in the file per second; 0: none [1/s]
-  bool progress = false;                ///< a line on the terminal
-  data::Provenance provenance;          ///< of the file
+  /// Beam shapes in the file per second, 0: none; nothing: 50, or as many as give the run two
+  /// hundred [1/s].
+  std::optional<double> shape_rate;
+  bool progress = false;        ///< a line on the terminal
+  data::Provenance provenance;  ///< of the file
   /// Called, where given, with everything that the run meets, before it is kept.
   Observer* observer = nullptr;
   /// Of this run, from Certificate::Make; its errors become columns. Null: none.
@@ -31,8 +33,9 @@ struct RecordOptions {
   void Check() const;
 };
 
-/// Default options, with what the scene's [solver] says.
-SimulateOptions SolverOptions(const data::Scene& scene);
+/// Default options, with what the scene's [solver] says; where it gives no rate, UsualRate of
+/// `duration` [s], of the scene's where that is 0.
+SimulateOptions SolverOptions(const data::Scene& scene, double duration = 0.0);
 
 /// A run that was recorded, whole or as far as it came.
 struct Recording {

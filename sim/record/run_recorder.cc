@@ -49,7 +49,8 @@ RunRecorder::RunRecorder(const Model& model, const std::vector<std::string>& qua
       progress_("simulate", progress),
       latches_(static_cast<std::size_t>(model.latches.count())) {
   if (shape_rate > 0.0) {
-    shape_every_ = static_cast<int>(std::max(1.0, std::round(rate / shape_rate)));
+    constexpr double kRounding = 1.0 + 1e-9;  // of a quotient that is a whole number
+    shape_every_ = static_cast<int>(std::max(1.0, std::floor(kRounding * rate / shape_rate)));
   }
 }
 

@@ -8,6 +8,7 @@
 #include <numeric>
 
 #include "base/count.h"
+#include "base/fixed_number.h"
 #include "base/table.h"
 #include "sim/record/certificate_text.h"
 #include "sim/record/record.h"
@@ -70,7 +71,7 @@ std::string EnergyText(const SummaryInput& in, ordered_json* json) {
   std::vector<std::vector<std::string>> rows;
   const auto add = [&](const char* name, double value) {
     (*json)[name] = value;
-    if (value != 0.0) rows.push_back({fmt::format("  {}", name), fmt::format("{:.6f}", value)});
+    if (value != 0.0) rows.push_back({fmt::format("  {}", name), fmt::format("{:.7g}", value)});
   };
   add("kinetic", b.kinetic);
   add("bending", b.bending);
@@ -204,7 +205,7 @@ std::vector<std::vector<std::string>> JointTable(const SummaryInput& in, std::si
   for (const std::size_t j : order) {
     const Model::Joint& joint = in.model.joints[j];
     const std::string force = PinForceText(in.report, j, "");
-    const std::string at = fmt::format("{:.4f}", Peak(in.report.peak_pin_time, j));
+    const std::string at = FixedNumber(Peak(in.report.peak_pin_time, j));
     if (!latches) {
       rows.push_back({joint.name, force, at});
       continue;
@@ -215,13 +216,13 @@ std::vector<std::vector<std::string>> JointTable(const SummaryInput& in, std::si
       const auto k = static_cast<std::size_t>(joint.latch);
       const TorqueMargin& margin = in.recorder.observables().margins().of(static_cast<int>(j));
       if (count.latched) {
-        row[1] = fmt::format("{:.6f}", count.latch_time);
-        row[2] = fmt::format("{:.3f}", count.latch_rate);
+        row[1] = FixedNumber(count.latch_time, 6);
+        row[2] = FixedNumber(count.latch_rate, 3);
       }
       row[3] = Margin(margin);
       if (margin.seen()) row[4] = fmt::format("{:.4g}", margin.least_driving);
       row[5] = fmt::format("{:.4g}", Peak(in.report.peak_moment, k));
-      row[6] = fmt::format("{:.4f}", Peak(in.report.peak_time, k));
+      row[6] = FixedNumber(Peak(in.report.peak_time, k));
       row[9] = fmt::format("{}", count.upper + count.lower);
       if (count.ended > 0) row[10] = fmt::format("{:.3f}", count.MedianRestitution());
     }

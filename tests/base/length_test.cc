@@ -6,6 +6,7 @@
 #include <cmath>
 #include <vector>
 
+#include "base/fixed_number.h"
 #include "base/random.h"
 #include "base/statistics.h"
 #include "base/stream_median.h"
@@ -21,6 +22,18 @@ TEST(Length, IsWrittenInTheUnitThatSuitsIt) {
   EXPECT_EQ(LengthText(-0.002), "-2 mm");
   EXPECT_EQ(LengthText(0.0), "0 mm");
   EXPECT_EQ(LengthText(std::nan("")), "-");
+}
+
+// Records of milliseconds are told apart as those of minutes are.
+TEST(Time, HasDigitsEnoughWhereItIsShort) {
+  EXPECT_EQ(FixedNumber(1.96831), "1.9683");
+  EXPECT_EQ(FixedNumber(1.96831, 2), "1.97");
+  EXPECT_EQ(FixedNumber(0.0), "0.0000");
+  EXPECT_EQ(FixedNumber(0.1), "0.1000");
+  EXPECT_EQ(FixedNumber(0.00196831), "0.001968");
+  EXPECT_EQ(FixedNumber(-0.00196831, 2), "-0.0020");
+  EXPECT_EQ(FixedNumber(7.6e-7, 2), "0.00000076");
+  EXPECT_EQ(FixedNumber(3602.5), "3602.5000");
 }
 
 TEST(Length, IsReadWithItsUnit) {

@@ -151,6 +151,17 @@ def test_measured_marks_lie_over_the_simulated_ones(browser, pages, name, where)
     assert "tip, measured" in keys
 
 
+# A pendulum that an encoder alone recorded.
+@pytest.mark.parametrize("name, where", [("fit", "desk")])
+def test_the_structure_at_the_estimate_moves(browser, pages, name, where):
+    browser.look(pages[name].as_uri(), **WHERE[where])
+    names = browser.run("""(() => {
+      const motion = JSON.parse(document.querySelector('script.motion-data').textContent);
+      return [motion.lines.map(l => l.name), motion.pins.map(p => p.name)];
+    })()""")
+    assert "arm" in names[0] and "hinge" in names[1]
+
+
 @pytest.mark.parametrize("name", ["simulate"])
 @pytest.mark.parametrize("where, paper", zip(WHERE, ["rgb(255, 255, 255)", "rgb(27, 33, 42)"]))
 def test_dark_and_light(browser, pages, name, where, paper):

@@ -68,6 +68,36 @@ TEST_F(RecordTest, TakesTheScenesSolverUnlessOptionsAreGiven) {
   EXPECT_EQ(Record(scene, options).run.t.size(), 11u);
 }
 
+// A mechanism of 30 ms is seen as well as a deployment of seconds, unless somebody asks for a rate.
+TEST_F(RecordTest, AShortRunHasSamplesAndPicturesEnough) {
+  data::Scene scene = Bar();
+  scene.duration = 0.03;
+  const data::Run run = Record(scene).run;
+  EXPECT_EQ(run.t.size(), 1501u);  // at 50,000 a second
+  EXPECT_GE(run.shape_t.size(), 200u);
+  scene.solver.rate = 1000.0;
+  EXPECT_EQ(Record(scene).run.t.size(), 31u);
+  RecordOptions options;
+  options.shape_rate = 100.0;
+  EXPECT_EQ(Record(scene, options).run.shape_t.size(), 4u);
+  EXPECT_EQ(SolverOptions(Bar(), 0.5).rate, 2000.0);
+}
+
+TEST_F(RecordTest, TheUsualRateIsARoundNumber) {
+  for (const auto& [duration, rate] : {std::pair{1e4, 1e3},
+                                       {5.5, 1e3},
+                                       {1.0, 1e3},
+                                       {0.9, 2e3},
+                                       {0.5, 2e3},
+                                       {0.2, 5e3},
+                                       {0.1, 1e4},
+                                       {0.03, 5e4},
+                                       {3e-4, 5e6},
+                                       {1e-7, 1e7}}) {
+    EXPECT_EQ(UsualRate(duration), rate) << duration;
+  }
+}
+
 TEST_F(RecordTest, KeepsTheQuantitiesThatAreNamed) {
   RecordOptions options;
   options.quantities = {"hinge.theta", "tip.*"};
