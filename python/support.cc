@@ -229,13 +229,25 @@ std::function<void(double)> ProgressOf(const py::object& progress, CallbackError
 }
 
 fs::path PathFrom(const py::object& object, const std::string& wanted) {
-  try {
-    return object.cast<fs::path>();
-  } catch (const py::cast_error&) {
+  const auto refuse = [&] {
     throw py::type_error(
         fmt::format("expected {}, got {}", wanted,
                     py::str(py::type::of(object).attr("__name__")).cast<std::string>()));
+  };
+  // A path's own code may raise, and be where Ctrl-C falls: the conversion of the library takes all
+  // of that for another type.
+  PyObject* const text = PyOS_FSPath(object.ptr());
+  if (text == nullptr) {
+    if (!PyErr_ExceptionMatches(PyExc_TypeError)) throw py::error_already_set();
+    PyErr_Clear();
+    refuse();
   }
+  try {
+    return py::reinterpret_steal<py::object>(text).cast<fs::path>();
+  } catch (const py::cast_error&) {
+    refuse();
+  }
+  return {};
 }
 
 py::tuple CornersOf(const Eigen::Vector3d& low, const Eigen::Vector3d& high) {

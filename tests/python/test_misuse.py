@@ -353,6 +353,18 @@ def test_every_object_has_a_repr(tmp_path):
         assert "object at 0x" not in repr(thing)
 
 
+@pytest.mark.parametrize("raised", [KeyboardInterrupt, ZeroDivisionError])
+def test_what_a_path_itself_raises_is_no_wrong_type(raised):
+    class Path:
+        def __fspath__(self):
+            raise raised
+
+    with pytest.raises(raised):
+        unfurl.plan(Path())
+    with pytest.raises(raised):
+        unfurl.simulate(Path())
+
+
 def interrupted(call, after=0.1):
     """Whether SIGINT ends the call by KeyboardInterrupt."""
     timer = threading.Timer(after, os.kill, (os.getpid(), signal.SIGINT))
