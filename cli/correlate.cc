@@ -79,7 +79,7 @@ std::string ModesText(const correlate::Comparison& c) {
 
 std::string MarksText(const correlate::Comparison& c) {
   if (c.errors.empty()) return {};
-  const LengthUnit unit = UnitFor(c.errors.back().largest);  // of all marks
+  const LengthUnit unit = UnitFor(c.errors.back().rmse);  // of all marks
   const auto length = [&](double metres) { return fmt::format("{:.3f}", unit.per_metre * metres); };
   std::vector<std::vector<std::string>> rows = {{"mark", "samples",
                                                  fmt::format("RMSE [{}]", unit.name), "in plane",

@@ -175,7 +175,7 @@ void AddErrors(const correlate::Comparison& c, report::Page* page) {
   table.note =
       "Root mean squares of the distance between the two, after alignment. "
       "One sigma is the measurement's stated standard deviation.";
-  const LengthUnit unit = UnitFor(c.errors.back().largest);  // of all marks
+  const LengthUnit unit = UnitFor(c.errors.back().rmse);  // of all marks
   const auto length = [&](double metres) { return fmt::format("{:.3f}", unit.per_metre * metres); };
   const auto in_unit = [&](const char* what) { return fmt::format("{} [{}]", what, unit.name); };
   table.header = {"mark",

@@ -16,6 +16,7 @@
 #include "report/motion.h"
 #include "report/page_scripts.h"
 #include "report/paths.h"
+#include "report/plane_unit.h"
 #include "report/space.h"
 
 namespace unfurl::report {
@@ -242,7 +243,8 @@ void Page::AddChart(const Chart& chart) {
   charts_.push_back(chart);
 }
 
-void Page::AddPaths(const Paths& paths) {
+void Page::AddPaths(const Paths& given) {
+  const Paths paths = InShortUnit(given);
   body_ += "<figure class=\"panel paths\">\n" + Heading(paths.title, paths.note) + PathsSvg(paths) +
            PathsData(paths) + "</figure>\n";
   ++drawings_;
@@ -255,7 +257,7 @@ void Page::AddMap(const Map& map) {
 }
 
 void Page::AddMotion(const Motion& motion) {
-  body_ += MotionHtml(motion, fmt::format("motion{}", motions_));
+  body_ += MotionHtml(InShortUnit(motion), fmt::format("motion{}", motions_));
   ++motions_;
 }
 

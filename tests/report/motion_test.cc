@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
+#include "report/plane_unit.h"
 
 namespace unfurl::report::motion_test {
 namespace {
@@ -54,6 +55,26 @@ TEST(Motion, KeepsAllOfWhatIsSmall) {
   // The circle, with its margin.
   for (const int side : {0, 2}) EXPECT_NEAR(data["box"][side].get<double>(), -1.12, 1e-6);
   for (const int side : {1, 3}) EXPECT_NEAR(data["box"][side].get<double>(), 1.12, 1e-6);
+}
+
+// Of half a millimetre metres' ticks would be wider than the drawing's margin.
+TEST(Motion, OfASmallStructureIsInASmallUnit) {
+  Motion motion = Turning(17, 101);
+  EXPECT_EQ(InShortUnit(motion).x.unit, "m");
+  EXPECT_EQ(InShortUnit(motion).lines[0].xy, motion.lines[0].xy);
+  for (double& v : motion.lines[0].xy) v *= 5e-4;
+  motion.marks.push_back({"tip", true, {0.0, 1.0}, {5e-4, 0.0}, {0.0, 5e-4}, 0});
+  motion.pins.push_back({});
+  motion.pins[0].xy.assign(2 * 101, 1e-4);
+  const Motion small = InShortUnit(motion);
+  EXPECT_EQ(small.x.unit, "mm");
+  EXPECT_EQ(small.y.unit, "mm");
+  EXPECT_NEAR(small.lines[0].xy[2 * 16], 0.5, 1e-12);
+  EXPECT_NEAR(small.marks[0].x[0], 0.5, 1e-12);
+  EXPECT_NEAR(small.marks[0].y[1], 0.5, 1e-12);
+  EXPECT_NEAR(small.pins[0].xy[0], 0.1, 1e-12);
+  motion.y.unit = "px";  // no plane of lengths
+  EXPECT_EQ(InShortUnit(motion).x.unit, "m");
 }
 
 TEST(Motion, IsThinnedToWhatAPageMayHold) {
