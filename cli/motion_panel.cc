@@ -132,6 +132,7 @@ void AddMarks(const data::Run& run, const std::vector<std::string>& marks, doubl
   const std::vector<std::size_t> samples = report::EvenlyChosen(run.t.size(), kMostSamples);
   const auto chosen = [&samples](const std::vector<double>& all, double shift) {
     std::vector<double> out;
+    out.reserve(samples.size());
     for (const std::size_t i : samples) out.push_back(all[i] + shift);
     return out;
   };

@@ -16,7 +16,7 @@ Method ChooseMethod(const SimulateOptions& options, const Model& model, const Er
 // What strains of elastic beams as large as the tolerance hold, of the beam where it is most [J].
 // Explicit steps leave such strains at the edge of their stability. Where they hold more than the
 // tolerance allows of what moves they do not die out, and whatever comes next has to resolve them:
-// explicit steps are then not even tried.
+// explicit steps are then held to a tighter one.
 double StrainEnergyAtTolerance(const Model& model, const ErrorScale& scale);
 
 // The longest step that the options allow, or their default allows with this model [s].

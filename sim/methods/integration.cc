@@ -150,7 +150,8 @@ void Integration::NoteAccepted(double h) {
   crossings_ = 0;
   longest_ = std::max(h, kForget * longest_);
   if (report_.steps % kStabilitySteps == 0) {
-    use_ = stepper_->StabilityUse();
+    // A fast motion that rests now is not seen by the step, and still keeps it short.
+    use_ = std::max(stepper_->StabilityUse(), h * edge_rate_ / stepper_->StabilityEdge());
     stable_ = use_ < kStabilityUse;
     doubted_ = use_ >= kDoubt;
   }

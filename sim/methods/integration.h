@@ -58,10 +58,10 @@ class Integration {
   void StepAcross(double* h);
   // After a step that gained so much time: changes between the explicit and the implicit method.
   void SwitchMethod(double gained, double* h);
-  // Another one takes the steps from here on.
   double ExplicitTolerance() const;
   bool SparesExplicit(StepperSet::Role role, double* h);
   void KeepWithinEdge(double* h);
+  // Another one takes the steps from here on.
   void TakeOver(StepperSet::Role role, double* h);
   double WeightOfImpact();
   void NextStep(double error, double* h);

@@ -14,7 +14,7 @@ constexpr double kWithinEdge = 0.5;
 // part of such strains. Of 2620 runs of beams held at one or both ends
 // (tests/hard/held_beams_test.cc) 2 lost their balance with 1e3, 13 with 1e4.
 constexpr double kMostHeld = 1e3;
-// Explicit steps are not held to less: a hundred roundings of a state [-].
+// Explicit steps are not held to less: some hundred roundings of a state [-].
 constexpr double kTightestExplicit = 1e-13;
 // Steps that the edge has shortened before it is looked for again: what that costs, 21 right sides,
 // is 3% of them.
@@ -55,8 +55,8 @@ void Integration::SwitchMethod(double gained, double* h) {
 // Whether a trial of the explicit method that is about to begin would be lost, or do harm; else
 // makes it ready.
 bool Integration::SparesExplicit(StepperSet::Role role, double* h) {
-  const bool trial = switch_.AboutToTryExplicit();
-  if (!trial && held_ == 0.0) return false;  // it was seen to be faster
+  const bool trial = switch_.AboutToTryExplicit(), segments = held_ > 0.0 && !stretches_;
+  if (!trial && !segments) return false;  // it was seen to be faster
   const double rate = stepper_->ProbeFastestRate();
   const double within = kWithinEdge * steppers_.Get(role)->StabilityEdge();
   // Steps that never come near the edge leave nothing.
@@ -66,7 +66,7 @@ bool Integration::SparesExplicit(StepperSet::Role role, double* h) {
   if (!(rate > 0.0)) return false;
   if (trial && switch_.Spare(steppers_.Get(role)->StableReach() / rate)) return true;
   steppers_.SetExplicitTolerance(std::max(rtol, kTightestExplicit));
-  if (held_ > 0.0) edge_rate_ = rate;
+  if (segments) edge_rate_ = rate;
   // A step beyond the edge may look good, and leaves vibrations as large as the tolerance.
   *h = std::min(*h, within / rate);
   return false;
@@ -90,11 +90,13 @@ void Integration::KeepWithinEdge(double* h) {
 }
 
 // At which strains hold no more than they may; at the edge of stability a tighter one shortens no
-// step. Where nobody watches the energy, what the start tells of it has to do. 0: none.
+// step. Smooth beams have fast motions of many rates, which what is left then sets going for good:
+// they take none. Where nobody watches the energy, what the start tells of it has to do. 0: none.
 double Integration::ExplicitTolerance() const {
   if (spares_explicit_ || held_ == 0.0) return spares_explicit_ ? 0.0 : scale_.rtol;
   const double energy = judge_.watches() ? judge_.moved() : EnergyScale(model_, scale_);
   const double allowed = kMostHeld * scale_.rtol * energy / held_;  // strains squared
+  if (stretches_) return allowed < 1.0 ? 0.0 : scale_.rtol;
   return scale_.rtol * std::sqrt(std::clamp(allowed, 0.0, 1.0));
 }
 
