@@ -145,7 +145,7 @@ int FitVerb(const Common& common, const FitSettings& s) {
   options.resume = s.resume;
   options.output = s.output;
   options.allow_programs = ProgramsAllowed(s.allow_programs);
-  options.compare = !s.report.empty();
+  options.compare = options.keep_motion = !s.report.empty();
   options.provenance = StartProvenance(common);
   options.provenance.command = CommandWithout(options.provenance.command);
   for (const std::string& set : s.sets) {

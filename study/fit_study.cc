@@ -140,11 +140,10 @@ StudyFit Fit(const data::Study& study, const FitStudyOptions& options) {
     data::WriteFit(options.output, fit.record, fit.provenance);
     journal.Remove();
   }
-  if (options.compare && fit.Usable()) {
-    const correlate::FitTrial& first = fit.problem().trials.front();
-    fit.comparison = CompareAtEstimate(first, fit.record);
-    fit.motion = MotionAtEstimate(first, fit.record);
-  }
+  if (!fit.Usable()) return fit;
+  const correlate::FitTrial& first = fit.problem().trials.front();
+  if (options.compare) fit.comparison = CompareAtEstimate(first, fit.record);
+  if (options.keep_motion) fit.motion = MotionAtEstimate(first, fit.record);
   return fit;
 }
 

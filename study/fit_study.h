@@ -34,9 +34,10 @@ struct FitStudyOptions {
   bool allow_programs = false;
   /// Program, command and options to be stored with the result. The inputs are added.
   data::Provenance provenance;
-  /// Whether trial and model are compared at the estimate (first trial), for a page or a plot, and
-  /// the scene's motion kept there.
+  /// Whether trial and model are compared at the estimate (first trial), for a page or a plot.
   bool compare = false;
+  /// Whether the scene's motion there is kept, too: a run more.
+  bool keep_motion = false;
   /// Called at the start when evaluations were taken over: how many, and the file.
   std::function<void(std::size_t, const std::string&)> on_resume;
   /// Called now and then, from any thread.

@@ -1,5 +1,6 @@
 #include "study/scene_model.h"
 
+#include <algorithm>
 #include <ctime>
 #include <memory>
 
@@ -64,7 +65,9 @@ data::Run SceneModel::RunAt(std::span<const double> theta, double duration) cons
   options.simulate.emplace();
   options.simulate->rtol = options_.rtol;
   options.simulate->duration = duration;
-  options.simulate->rate = sim::UsualRate(duration);
+  constexpr double kPictures = 400.0, kSamplesEach = 4.0;  // whatever the duration
+  options.shape_rate = kPictures / duration;
+  options.simulate->rate = std::min(kSamplesEach * *options.shape_rate, sim::UsualRate(duration));
   for (const std::string& mark : marks_) {
     options.quantities.push_back(mark + ".x");
     options.quantities.push_back(mark + ".y");
