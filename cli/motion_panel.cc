@@ -129,21 +129,16 @@ void AddEvents(const std::vector<data::RunEvent>& events, double end, double off
 
 void AddMarks(const data::Run& run, const std::vector<std::string>& marks, double offset,
               report::Motion* motion) {
-  const std::vector<std::size_t> samples = report::EvenlyChosen(run.t.size(), kMostSamples);
-  const auto chosen = [&samples](const std::vector<double>& all, double shift) {
-    std::vector<double> out;
-    out.reserve(samples.size());
-    for (const std::size_t i : samples) out.push_back(all[i] + shift);
-    return out;
-  };
+  std::vector<double> t = run.t;
+  for (double& time : t) time += offset;
   for (std::size_t m = 0; m < marks.size(); ++m) {
     const int x = run.Find(marks[m] + ".x"), y = run.Find(marks[m] + ".y");
     if (x < 0 || y < 0) continue;
     report::MovingMark mark;
     mark.name = marks[m];
-    mark.t = chosen(run.t, offset);
-    mark.x = chosen(run.columns[static_cast<std::size_t>(x)], 0.0);
-    mark.y = chosen(run.columns[static_cast<std::size_t>(y)], 0.0);
+    mark.t = t;
+    mark.x = run.columns[static_cast<std::size_t>(x)];
+    mark.y = run.columns[static_cast<std::size_t>(y)];
     mark.color = static_cast<int>(m);
     motion->marks.push_back(std::move(mark));
   }

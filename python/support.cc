@@ -229,25 +229,19 @@ std::function<void(double)> ProgressOf(const py::object& progress, CallbackError
 }
 
 fs::path PathFrom(const py::object& object, const std::string& wanted) {
-  const auto refuse = [&] {
-    throw py::type_error(
-        fmt::format("expected {}, got {}", wanted,
-                    py::str(py::type::of(object).attr("__name__")).cast<std::string>()));
-  };
   // A path's own code may raise, and be where Ctrl-C falls: the conversion of the library takes all
   // of that for another type.
   PyObject* const text = PyOS_FSPath(object.ptr());
-  if (text == nullptr) {
-    if (!PyErr_ExceptionMatches(PyExc_TypeError)) throw py::error_already_set();
-    PyErr_Clear();
-    refuse();
-  }
+  if (text == nullptr && !PyErr_ExceptionMatches(PyExc_TypeError)) throw py::error_already_set();
   try {
-    return py::reinterpret_steal<py::object>(text).cast<fs::path>();
+    if (text != nullptr) return py::reinterpret_steal<py::object>(text).cast<fs::path>();
   } catch (const py::cast_error&) {
-    refuse();
+    // Said below.
   }
-  return {};
+  PyErr_Clear();
+  throw py::type_error(
+      fmt::format("expected {}, got {}", wanted,
+                  py::str(py::type::of(object).attr("__name__")).cast<std::string>()));
 }
 
 py::tuple CornersOf(const Eigen::Vector3d& low, const Eigen::Vector3d& high) {

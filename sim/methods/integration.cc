@@ -151,7 +151,7 @@ void Integration::NoteAccepted(double h) {
   longest_ = std::max(h, kForget * longest_);
   if (report_.steps % kStabilitySteps == 0) {
     // A fast motion that rests now is not seen by the step, and still keeps it short.
-    use_ = std::max(stepper_->StabilityUse(), h * edge_rate_ / stepper_->StabilityEdge());
+    use_ = std::max(stepper_->StabilityUse(), h / StepAtEdge());
     stable_ = use_ < kStabilityUse;
     doubted_ = use_ >= kDoubt;
   }

@@ -60,6 +60,7 @@ class Integration {
   void SwitchMethod(double gained, double* h);
   double ExplicitTolerance() const;
   bool SparesExplicit(StepperSet::Role role, double* h);
+  double StepAtEdge() const;
   void KeepWithinEdge(double* h);
   // Another one takes the steps from here on.
   void TakeOver(StepperSet::Role role, double* h);

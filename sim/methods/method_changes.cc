@@ -1,6 +1,7 @@
 // Which stepper takes the steps.
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "sim/methods/integration.h"
 #include "sim/methods/make_stepper.h"
@@ -72,12 +73,18 @@ bool Integration::SparesExplicit(StepperSet::Role role, double* h) {
   return false;
 }
 
+// Beyond it an explicit step is not stable; infinite where nothing keeps steps within it. Near
+// states where constraints depend on one another another method takes them.
+double Integration::StepAtEdge() const {
+  if (edge_rate_ == 0.0 || is_near_) return std::numeric_limits<double>::infinity();
+  return stepper_->StabilityEdge() / edge_rate_;
+}
+
 // Where beams stretch no explicit step goes beyond the edge of its stability: the two estimates of
 // the pair of order eight may cancel there (seen: 0.1 of what is allowed, from 6e3 of the one), and
 // a step after a small error by chance is up to five times as long as the one before.
 void Integration::KeepWithinEdge(double* h) {
-  if (edge_rate_ == 0.0 || role_ == StepperSet::kImplicit) return;
-  const double edge = stepper_->StabilityEdge() / edge_rate_;
+  const double edge = StepAtEdge();
   if (*h <= edge) return;
   *h = edge;
   limit_ = StepLimit::kStability;
