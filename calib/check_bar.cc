@@ -12,8 +12,8 @@ namespace unfurl::calib {
 namespace {
 
 // Of Levenberg and Marquardt: steps that are refused, some fifteen in a row, end it sooner.
-constexpr int kIterations = 60;
-constexpr double kConverged = 1e-9;  // of a step, over the bar's length
+constexpr int kBarIterations = 60;
+constexpr double kBarConverged = 1e-9;  // of a step, over the bar's length
 // By how much a bar's length differs from one placement to the next, over itself: how it is held
 // and seated. It only keeps the length's weight finite [-].
 constexpr double kSeating = 2e-6;
@@ -89,7 +89,7 @@ class Placer {
       return std::numeric_limits<double>::infinity();
     }
     double square = here.misfit.squaredNorm(), damping = 1e-3;
-    for (int k = 0; k < kIterations; ++k) {
+    for (int k = 0; k < kBarIterations; ++k) {
       Eigen::Matrix<double, 6, 6> A = here.by_places.transpose() * here.by_places;
       const Eigen::Matrix<double, 6, 1> b = here.by_places.transpose() * here.misfit;
       A.diagonal() *= 1.0 + damping;
@@ -106,7 +106,7 @@ class Placer {
       here = there;
       square = here.misfit.squaredNorm();
       damping *= 0.1;
-      if (step.norm() < kConverged * length_) break;
+      if (step.norm() < kBarConverged * length_) break;
     }
     return square;
   }

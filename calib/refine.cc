@@ -13,12 +13,9 @@ namespace {
 
 constexpr double kFloorChance = 0.05;   // below: a camera's readings are worse than stated
 constexpr double kSurveyChance = 1e-3;  // the same of the survey
-constexpr double kFewRedundant = 8.0;   // readings' worth; less, and a camera shares its floor
-constexpr double kSettled = 0.02;       // change of a reading's variance that no longer matters
 constexpr double kPlausible = 0.25;     // share of gross errors; more say that the model is wrong
 constexpr double kMuch = 0.02;          // share of a camera's readings left out
 constexpr double kLittleFloor = 0.75;   // of sigma; a total of 1.25: three sigmas of the median's
-constexpr double kRough = 1e-7;         // of the cost, until nothing else changes
 constexpr double kUseful = 0.1;         // redundancy above which a residual tells of its error
 
 // t^2 with  sum r^2 / (s^2 + t^2) = redundancy,  or 0.

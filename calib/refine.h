@@ -10,6 +10,11 @@
 
 namespace unfurl::calib {
 
+inline constexpr double kFewRedundant =
+    8.0;                                  // readings' worth; less, and a camera shares its floor
+inline constexpr double kSettled = 0.02;  // change of a variance that no longer matters [-]
+inline constexpr double kRough = 1e-7;    // of the cost, until nothing else changes [-]
+
 /// Of the rounds of a refinement.
 struct RefineOptions {
   GrossOptions gross;

@@ -21,7 +21,8 @@ namespace unfurl::calib {
 namespace {
 
 constexpr Eigen::Index kPartRigid = 6, kPartSeven = 7;  // unknowns of one: motion; and its scale
-constexpr double kScaleChance = 0.01;  // below: it is the scale that a found part is off by [-]
+constexpr double kFoundScaleChance =
+    0.01;  // below: it is the scale that a found part is off by [-]
 // Of a survey that does not say from where it was measured: that a part of it is off [-].
 constexpr double kPartProbability = 0.5;
 // By how much then, each unknown, in sigmas of a point: less harms nothing, and more is found [-].
@@ -171,7 +172,7 @@ struct SurveyPart {
   double ScaleSigma() const { return std::sqrt(std::max(covariance.diagonal().tail(1)(0), 0.0)); }
   bool ByScale() const {
     return ScaleSigma() > 0.0 &&
-           ChiSquareTail(std::pow(Scale() / ScaleSigma(), 2), 1.0) < kScaleChance;
+           ChiSquareTail(std::pow(Scale() / ScaleSigma(), 2), 1.0) < kFoundScaleChance;
   }
 };
 

@@ -17,7 +17,7 @@ namespace unfurl::calib {
 namespace {
 
 // Of the misfit as written: noise, a bumped camera or a displaced point never leave so little.
-constexpr double kPlainly = 0.05;
+constexpr double kPlainlyLess = 0.05;
 // Of the row: a slip of a whole file moves points by a share of the field, a bumped camera its
 // readings by far less [-].
 constexpr double kLeastMisfit = 0.01;
@@ -129,7 +129,7 @@ class Slips {
     });
     // Where all misfit by a row or more a twentieth of that is still no fit: every point drawn
     // together in one place lies amid the rows.
-    least_ = as_written < kLeastMisfit ? 0.0 : std::min(kLeastMisfit, kPlainly * as_written);
+    least_ = as_written < kLeastMisfit ? 0.0 : std::min(kLeastMisfit, kPlainlyLess * as_written);
   }
 
   void TryCoordinates() {
@@ -198,7 +198,7 @@ class Slips {
 
  private:
   static bool Plainly(double before, double after) {
-    return before >= kLeastMisfit && after < std::min(kLeastMisfit, kPlainly * before);
+    return before >= kLeastMisfit && after < std::min(kLeastMisfit, kPlainlyLess * before);
   }
   // Of all readings, each at the place that `place` gives, or left aside.
   template <typename Place>
@@ -223,7 +223,7 @@ class Slips {
   }
   void Propose(double misfit, const std::string& what, const std::string& remedy) {
     if (!(misfit < least_)) return;
-    least_ = kPlainly * misfit;
+    least_ = kPlainlyLess * misfit;
     slip_ = {true, what, remedy};
   }
 

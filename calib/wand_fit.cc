@@ -16,6 +16,7 @@
 #include "base/statistics.h"
 #include "calib/copies.h"
 #include "calib/open_terms.h"
+#include "calib/refine.h"
 #include "calib/wand_exchanged.h"
 #include "calib/wand_gross.h"
 #include "calib/wand_lenses.h"
@@ -27,7 +28,6 @@
 namespace unfurl::calib {
 namespace {
 
-constexpr double kSettled = 0.02;  // change of a variance that no longer matters
 constexpr double kOfItsOwn = 0.1;  // nor such a share of the standard deviation that it is known to
 constexpr double kNear = 0.3;      // change of a variance at which residuals can be judged by it
 // Of a variance in a round. Redundancies are those at the variances before; from far off they would
@@ -35,8 +35,6 @@ constexpr double kNear = 0.3;      // change of a variance at which residuals ca
 constexpr double kMostGrowth = 3.0;
 constexpr double kFloorSigmas = 1.645;  // of the score: chance reaches as much in 5% of cases
 constexpr int kHalvings = 60;           // of a bracket: to the last digit
-constexpr double kFewRedundant = 8.0;   // readings' worth; less, and a camera shares its floor
-constexpr double kRough = 1e-7;         // of the cost, until nothing else changes
 
 // Readings that share a floor.
 struct FloorReadings {

@@ -23,8 +23,8 @@ constexpr int kRobustRounds = 8;  // a floor halves or doubles in each
 constexpr double kEnough = 3.0;   // of the readings' sigma: no other start would do much better
 constexpr double kNowhere = std::numeric_limits<double>::infinity();
 constexpr int kTried =
-    2;  // rounds after which cameras that miss by kFar as much are on no good way
-constexpr double kFar = 10.0;        // of kEnough
+    2;  // rounds after which cameras that miss by kFarOff as much are on no good way
+constexpr double kFarOff = 10.0;     // of kEnough
 constexpr double kOtherShape = 5.0;  // of the predicted error of distances: not by chance the same
 
 // Robust scale of all residuals, each over the root of its redundancy [px].
@@ -188,7 +188,7 @@ double RobustWand(const BundleOptions& options, WandFit* fit) {
     fit->weighting.floor_px.assign(fit->data.cameras.size(), floor);
     const double was = std::hypot(before, s), is = std::hypot(floor, s);
     if (std::abs(is - was) < 0.1 * was) break;
-    if (round >= kTried && scale > kFar * kEnough * s) break;
+    if (round >= kTried && scale > kFarOff * kEnough * s) break;
   }
   return scale;
 }

@@ -19,16 +19,16 @@ using Parameters = Eigen::Matrix<double, 7, 3>;
 using Block = Eigen::Map<const Parameters>;
 
 constexpr int kOfTriple = 21;        // of three pinholes, seven each
-constexpr int kSubsets = 300;        // 30% gross errors leave 99.9% chance of a clean subset of 10
+constexpr int kTripleSubsets = 300;  // 30% gross errors leave 99.9% chance of a clean subset of 10
 constexpr int kSubset = 10;          // 6 unknowns, and some for perspective to average out
 constexpr double kLensShare = 0.03;  // of lengths, what lens error and perspective leave [-]
-constexpr double kOffset = 0.1;      // of the row, as kOffsetShare of the bundle's prior [-]
+constexpr double kRowOffset = 0.1;   // of the row, as kOffsetShare of the bundle's prior [-]
 constexpr double kWideAngle = 0.8, kAngleSpread = 0.6;  // row over f: 45 degrees, +- half an octave
-constexpr double kWidest = 2.0;       // of random views about one axis: nearly any direction
-constexpr double kLeastDepth = 0.05;  // over that of the middle: nearer, no lens is in focus [-]
-constexpr double kLost = 0.5;         // of a bar: more, and most bars were not found at all
-constexpr double kSame = 0.15;        // bars: lens errors make as much of one rig, see kLensShare
-constexpr int kIterations = 40;       // a search that needs more is on no good way
+constexpr double kWidest = 2.0;        // of random views about one axis: nearly any direction
+constexpr double kLeastDepth = 0.05;   // over that of the middle: nearer, no lens is in focus [-]
+constexpr double kLost = 0.5;          // of a bar: more, and most bars were not found at all
+constexpr double kSame = 0.15;         // bars: lens errors make as much of one rig, see kLensShare
+constexpr int kTripleIterations = 40;  // a search that needs more is on no good way
 
 // The planes of three readings: rows (a - u b), right-hand sides u - alpha.
 bool Meet(const Block& x, const Eigen::Vector3d& u, Eigen::Matrix3d* inverse, Eigen::Vector3d* p) {
@@ -99,10 +99,10 @@ class PinholeCost : public ceres::SizedCostFunction<6, kOfTriple> {
       const double aa = a.squaredNorm(), ab = a.dot(b);
       // The square root's derivative at b = 0 is held finite.
       const double size = std::sqrt(b.squaredNorm() / aa + 1e-6);
-      residual[2 * j] = ab / (kOffset * aa);
+      residual[2 * j] = ab / (kRowOffset * aa);
       residual[2 * j + 1] = (size - kWideAngle) / kAngleSpread;
-      J.block<1, 3>(2 * j, 7 * j) = (b - 2.0 * ab / aa * a).transpose() / (kOffset * aa);
-      J.block<1, 3>(2 * j, 7 * j + 4) = a.transpose() / (kOffset * aa);
+      J.block<1, 3>(2 * j, 7 * j) = (b - 2.0 * ab / aa * a).transpose() / (kRowOffset * aa);
+      J.block<1, 3>(2 * j, 7 * j + 4) = a.transpose() / (kRowOffset * aa);
       J.block<1, 3>(2 * j + 1, 7 * j) =
           -b.squaredNorm() / (aa * aa * size * kAngleSpread) * a.transpose();
       J.block<1, 3>(2 * j + 1, 7 * j + 4) = b.transpose() / (aa * size * kAngleSpread);
@@ -141,7 +141,7 @@ double MetricMisfit(const Eigen::Matrix3Xd& d, const Eigen::Matrix3d& Q) {
 bool AffineMetric(const Eigen::Matrix3Xd& d, Rng* rng, Eigen::Matrix3d* best) {
   double least = std::numeric_limits<double>::infinity();
   const auto n = static_cast<std::uint64_t>(d.cols());
-  for (int trial = 0; trial <= kSubsets; ++trial) {
+  for (int trial = 0; trial <= kTripleSubsets; ++trial) {
     std::vector<Eigen::Index> use;
     if (trial == 0) {
       for (Eigen::Index k = 0; k < d.cols(); ++k) use.push_back(k);
@@ -188,7 +188,7 @@ void Search(const Eigen::Matrix3Xd& from, const Eigen::Matrix3Xd& to, TriplePinh
   }
   ceres::Solver::Options options;
   options.linear_solver_type = ceres::DENSE_QR;
-  options.max_num_iterations = kIterations;
+  options.max_num_iterations = kTripleIterations;
   options.logging_type = ceres::SILENT;
   options.num_threads = 1;
   ceres::Solver::Summary summary;

@@ -29,7 +29,7 @@ constexpr double kTrendLevel = 0.01;
 constexpr double kFarFromStated = 3.0;
 
 // The bar's ends: what of their largest spread counts as a plane, as GuessOptions::flatness [-].
-constexpr double kFlat = 0.05;
+constexpr double kFlatWave = 0.05;
 
 void JudgeLengths(const WandReport& report, const VerdictOptions& options, data::Rig* rig,
                   Tally* tally) {
@@ -86,7 +86,7 @@ void JudgeShape(const WandFit& fit, const std::vector<double>& sigmas, const Wan
   const PointSpread ends = SpreadOf(fit.state.Ends());
   const double flatness = ends.sigma(2) / ends.sigma(0);
   rig->checks["bar_flatness [1]"] = flatness;
-  if (!(flatness >= kFlat)) {
+  if (!(flatness >= kFlatWave)) {
     tally->care.push_back(fmt::format(
         "the bar stayed in one plane, normal ({:.2f}, {:.2f}, {:.2f}): {} RMS off it, {} along it. "
         "Off that plane nothing was tested: move the bar, and turn it, out of it",

@@ -9,7 +9,7 @@
 namespace unfurl::calib {
 
 // Part of the largest that rounding leaves of a dependent column [-].
-constexpr double kRank = 1e-9;
+constexpr double kWhiteRank = 1e-9;
 
 Eigen::VectorXd GroupedCovariance::Variances() const {
   Eigen::VectorXd out = shared.rowwise().squaredNorm();
@@ -24,7 +24,7 @@ Eigen::VectorXd GroupedCovariance::Variances() const {
 Eigen::MatrixXd SpanOf(const Eigen::MatrixXd& W) {
   if (W.cols() == 0 || W.rows() == 0) return Eigen::MatrixXd::Zero(W.rows(), 0);
   Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(W);
-  qr.setThreshold(kRank);
+  qr.setThreshold(kWhiteRank);
   return qr.householderQ() * Eigen::MatrixXd::Identity(W.rows(), qr.rank());
 }
 

@@ -27,7 +27,7 @@ using nlohmann::ordered_json;
 constexpr char kAbout[] = "fit.json", kBeat[] = "beat", kQuestions[] = "questions",
                kTaken[] = "taken", kAnswers[] = "answers", kScript[] = "task.sh", kLog[] = "log-",
                kClock[] = "clock-";
-constexpr char kSchema[] = "unfurl/evaluations";
+constexpr char kFolderSchema[] = "unfurl/evaluations";
 std::string Name(std::uint64_t question) { return fmt::format("{:08}", question); }
 
 // Names in order: the oldest question first.
@@ -99,7 +99,7 @@ std::string ReadAbout(const std::string& about) {
   data::ForgetInput(about);  // ours to replace
   try {
     const ordered_json j = ordered_json::parse(text);
-    if (j.at("schema") != kSchema || j.at("version") != 1) {
+    if (j.at("schema") != kFolderSchema || j.at("version") != 1) {
       throw Error("is of another version of this program", about, "use one version for both");
     }
     return j.at("identity");
@@ -156,7 +156,7 @@ EvaluationFolder EvaluationFolder::Make(const std::string& path, const std::stri
   }
   fs::create_directories(path, error);
   if (!error) {
-    const ordered_json about = {{"schema", kSchema}, {"version", 1}, {"identity", identity}};
+    const ordered_json about = {{"schema", kFolderSchema}, {"version", 1}, {"identity", identity}};
     data::WriteTextFile((fs::path(path) / kAbout).string(), about.dump(1) + "\n");
     for (const char* part : {kQuestions, kTaken, kAnswers}) {
       if (!error) fs::create_directory(fs::path(path) / part, error);

@@ -20,7 +20,7 @@ namespace {
 
 using correlate::Prediction;
 
-constexpr std::chrono::seconds kBeat{5};
+constexpr std::chrono::seconds kBeatEvery{5};
 // Some beats, and the lateness of a file system that machines share (it may show a file's time half
 // a minute late) [s].
 constexpr double kSilence = 60.0;
@@ -97,7 +97,7 @@ Heart::Heart(std::function<void()> beat)
         std::unique_lock<std::mutex> lock(mutex_);
         while (!ended_) {
           beat_();
-          wake_.wait_for(lock, kBeat, [this] { return ended_; });
+          wake_.wait_for(lock, kBeatEvery, [this] { return ended_; });
         }
       }) {}
 

@@ -15,8 +15,8 @@ namespace unfurl::campaign {
 
 namespace {
 
-constexpr char kSchema[] = "unfurl/campaign_part";
-constexpr int kVersion = 1;
+constexpr char kPartSchema[] = "unfurl/campaign_part";
+constexpr int kPartVersion = 1;
 
 }  // namespace
 
@@ -85,7 +85,7 @@ void WritePart(const std::string& path, const Part& part, const std::string& ide
   data::Provenance provenance;
   provenance.program = data::ProgramVersion();
   provenance.command = "unfurl campaign";
-  data::H5Writer file(path, kSchema, kVersion, provenance);
+  data::H5Writer file(path, kPartSchema, kPartVersion, provenance);
   file.Attribute("/", "identity", identity);
   file.Attribute("/", "first", static_cast<std::int64_t>(part.range.first));
   file.Attribute("/", "count", static_cast<std::int64_t>(part.range.count));
@@ -102,7 +102,7 @@ void WritePart(const std::string& path, const Part& part, const std::string& ide
 }
 
 Part ReadPart(const std::string& path, const std::string& identity, std::size_t responses) {
-  const data::H5Reader file(path, kSchema, kVersion);
+  const data::H5Reader file(path, kPartSchema, kPartVersion);
   if (file.StringAttribute("/", "identity") != identity) {
     file.Fail("belongs to another campaign", "/", "remove it");
   }

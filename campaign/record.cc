@@ -15,7 +15,7 @@ namespace unfurl::campaign {
 namespace {
 
 constexpr char kRun[] = "/run", kRare[] = "/rare";
-constexpr int kVersion = 1;
+constexpr int kRecordVersion = 1;
 constexpr std::size_t kBlock = 4096;   // runs that are held at a time: megabytes
 constexpr std::size_t kMessage = 200;  // letters: a line or two
 constexpr int kDeflate = 1;            // pays in size, hardly costs
@@ -34,7 +34,7 @@ class RecordWriter {
  public:
   RecordWriter(const data::Campaign& plan, const std::vector<std::string>& files,
                const std::string& out)
-      : plan_(plan), file_(out, kCampaignSchema, kVersion, ProvenanceOf(plan, files)) {
+      : plan_(plan), file_(out, kCampaignSchema, kRecordVersion, ProvenanceOf(plan, files)) {
     AddText("/plan", "the plan with all that it read from other files, JSON",
             data::CampaignJson(plan));
     const std::vector<std::string> scale = {kRun};
@@ -177,18 +177,18 @@ void WriteRecord(const data::Campaign& plan, const std::vector<std::string>& fil
 }
 
 bool HasRareText(const std::string& path) {
-  return data::H5Reader(path, kCampaignSchema, kVersion).Has(kRare);
+  return data::H5Reader(path, kCampaignSchema, kRecordVersion).Has(kRare);
 }
 
 std::string ReadRareText(const std::string& path) {
-  const data::H5Reader file(path, kCampaignSchema, kVersion);
+  const data::H5Reader file(path, kCampaignSchema, kRecordVersion);
   const std::vector<std::string> text = file.ReadStrings(kRare);
   if (text.size() != 1) file.Fail("holds no result", kRare, "make the file anew");
   return text[0];
 }
 
 CampaignRecord ReadRecord(const std::string& path) {
-  const data::H5Reader file(path, kCampaignSchema, kVersion);
+  const data::H5Reader file(path, kCampaignSchema, kRecordVersion);
   CampaignRecord out;
   const std::vector<std::string> text = file.ReadStrings("/plan");
   if (text.size() != 1) file.Fail("holds no plan", "/plan", "make the file anew");

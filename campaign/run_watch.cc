@@ -19,7 +19,7 @@ using Source = CampaignResponse::Source;
 
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 
-std::vector<std::string> Wanted(const std::vector<CampaignResponse>& responses) {
+std::vector<std::string> WantedNames(const std::vector<CampaignResponse>& responses) {
   std::set<std::string> names;
   for (const CampaignResponse& r : responses) {
     if (r.source == Source::kQuantity) names.insert(r.quantity);
@@ -67,7 +67,7 @@ RunWatch::RunWatch(const sim::Model& model, const std::vector<CampaignResponse>&
 }
 
 void RunWatch::Observe(const sim::Model& model) {
-  const std::vector<std::string> wanted = Wanted(responses_);
+  const std::vector<std::string> wanted = WantedNames(responses_);
   if (wanted.empty()) return;
   try {
     observables_.emplace(model, wanted);

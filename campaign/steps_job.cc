@@ -24,7 +24,7 @@ using data::CampaignResponse;
 using nlohmann::json;
 
 constexpr char kOurselves[] = "unfurl";
-constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+constexpr double kNoValue = std::numeric_limits<double>::quiet_NaN();
 
 // {NAME} of a word, with nothing but a name between the braces.
 std::vector<std::string> NamesInWord(const std::string& word) {
@@ -45,7 +45,7 @@ std::vector<std::string> NamesInWord(const std::string& word) {
 double NumberAt(const json& summary, const std::string& pointer) {
   const json& value = summary.at(json::json_pointer(pointer));
   if (value.is_boolean()) return value.get<bool>() ? 1.0 : 0.0;
-  if (value.is_null()) return kNone;
+  if (value.is_null()) return kNoValue;
   return value.get<double>();
 }
 
@@ -85,7 +85,7 @@ class StepsJob : public Job {
 
   RunOutcome Run(std::uint64_t index, std::span<const double> values,
                  std::span<double> responses) override {
-    std::fill(responses.begin(), responses.end(), kNone);
+    std::fill(responses.begin(), responses.end(), kNoValue);
     const data::ScratchFolder scratch("unfurl-campaign-");
     const auto names = Names(index, values);
     Place(scratch, names);
@@ -103,7 +103,7 @@ class StepsJob : public Job {
       try {
         responses[k] = NumberAt(summaries[static_cast<std::size_t>(r.step)], r.pointer);
       } catch (const json::exception&) {
-        std::fill(responses.begin(), responses.end(), kNone);
+        std::fill(responses.begin(), responses.end(), kNoValue);
         return {false, fmt::format("step {} says no number at {}", r.step + 1, r.pointer)};
       }
     }

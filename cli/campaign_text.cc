@@ -24,7 +24,7 @@ std::string Named(const ResponseAnswer& r) {
 
 std::string CampaignTextPercent(double part) { return fmt::format("{:g}%", 100.0 * part); }
 
-std::string IntervalText(const campaign::Interval& interval, int digits = 4) {
+std::string IntervalOf(const campaign::Interval& interval, int digits = 4) {
   return fmt::format("{} to {}", Number(interval.low, digits), Number(interval.high, digits));
 }
 
@@ -51,7 +51,7 @@ CampaignTextRows ProbabilityRows(const CampaignAnswers& a) {
                             "runs for half of it"}};
   for (const ResponseAnswer& r : a.responses) {
     if (!r.proportion) continue;
-    rows.push_back({r.name, Number(r.proportion->value), IntervalText(r.proportion->interval),
+    rows.push_back({r.name, Number(r.proportion->value), IntervalOf(r.proportion->interval),
                     fmt::format("{}", r.proportion->yes), fmt::format("{}", r.proportion->n),
                     RunsForHalf(r)});
   }
@@ -68,7 +68,7 @@ CampaignTextRows NumberRows(const CampaignAnswers& a) {
       const campaign::QuantileEstimate* q = QuantileAt(s, p);
       return q == nullptr ? std::string("-") : Number(q->value);
     };
-    rows.push_back({Named(r), Number(s.mean), IntervalText(s.mean_interval), Number(s.sigma, 3),
+    rows.push_back({Named(r), Number(s.mean), IntervalOf(s.mean_interval), Number(s.sigma, 3),
                     Number(s.minimum), quantile(0.05), Number(s.median), quantile(0.95),
                     Number(s.maximum), RunsForHalf(r)});
   }
@@ -92,9 +92,9 @@ CampaignTextRows ToleranceRows(const CampaignAnswers& a) {
     for (const campaign::ToleranceEstimate& t : r.summary->tolerance) {
       if (!t.two_sided && !t.upper && !t.lower) continue;
       rows.push_back({Named(r), CampaignTextPercent(t.content),
-                      t.two_sided ? IntervalText(*t.two_sided) : "-",
+                      t.two_sided ? IntervalOf(*t.two_sided) : "-",
                       t.upper ? Number(*t.upper) : "-", t.lower ? Number(*t.lower) : "-",
-                      t.normal ? IntervalText(*t.normal) : "-"});
+                      t.normal ? IntervalOf(*t.normal) : "-"});
     }
   }
   return rows;

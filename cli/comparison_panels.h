@@ -1,6 +1,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "correlate/compare/comparison.h"
 #include "report/page.h"
@@ -31,6 +32,8 @@ enum class MarkOrigin { kFrame, kReferenceStart };  // what positions are counte
 report::Chart MarkChart(const correlate::Comparison& c, std::size_t mark,
                         MarkOrigin origin = MarkOrigin::kFrame);
 report::Chart SpectrumChart(const correlate::Comparison& c, const correlate::ComparedSpectrum& s);
+// The table of errors mark by mark, its heads first, of a comparison that has some.
+std::vector<std::vector<std::string>> MarkErrorRows(const correlate::Comparison& c);
 // Indices of the marks, those that move most first.
 std::vector<std::size_t> MarksByMotion(const correlate::Comparison& c);
 

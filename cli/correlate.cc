@@ -7,7 +7,6 @@
 
 #include "base/error.h"
 #include "base/fixed_number.h"
-#include "base/length.h"
 #include "base/number.h"
 #include "base/table.h"
 #include "base/text.h"
@@ -77,21 +76,6 @@ std::string ModesText(const correlate::Comparison& c) {
   return AlignedTable(rows);
 }
 
-std::string MarksText(const correlate::Comparison& c) {
-  if (c.errors.empty()) return {};
-  const LengthUnit unit = UnitFor(c.errors.back().rmse);  // of all marks
-  const auto length = [&](double metres) { return fmt::format("{:.3f}", unit.per_metre * metres); };
-  std::vector<std::vector<std::string>> rows = {{"mark", "samples",
-                                                 fmt::format("RMSE [{}]", unit.name), "in plane",
-                                                 "across", "largest", "at [s]", "in sigmas"}};
-  for (const correlate::MarkError& e : c.errors) {
-    rows.push_back({e.mark, std::to_string(e.samples), length(e.rmse), length(e.rmse_in_plane),
-                    length(e.rmse_across), length(e.largest), FixedNumber(e.largest_at, 3),
-                    e.sigmas > 0.0 ? fmt::format("{:.2f}", e.sigmas) : "-"});
-  }
-  return AlignedTable(rows);
-}
-
 std::string ChannelsText(const correlate::Comparison& c) {
   std::vector<std::vector<std::string>> rows = {
       {"channel", "unit", "of", "samples", "RMSE", "largest", "at [s]", "in sigmas"}};
@@ -129,7 +113,8 @@ std::string Text(const correlate::Comparison& c) {
   std::string text = c.verdict + "\n";
   for (const std::string& reason : c.reasons) text += "  " + reason + "\n";
   if (!c.alignment.Usable()) return text;
-  return text + MarksText(c) + ChannelsText(c) + PeaksText(c) + ScoresText(c) + ModesText(c);
+  return text + (c.errors.empty() ? std::string() : AlignedTable(MarkErrorRows(c))) +
+         ChannelsText(c) + PeaksText(c) + ScoresText(c) + ModesText(c);
 }
 
 correlate::SpectralWindow WindowNamed(const std::string& name) {

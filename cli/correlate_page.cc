@@ -175,27 +175,28 @@ void AddErrors(const correlate::Comparison& c, report::Page* page) {
   table.note =
       "Root mean squares of the distance between the two, after alignment. "
       "One sigma is the measurement's stated standard deviation.";
-  const LengthUnit unit = UnitFor(c.errors.back().rmse);  // of all marks
-  const auto length = [&](double metres) { return fmt::format("{:.3f}", unit.per_metre * metres); };
-  const auto in_unit = [&](const char* what) { return fmt::format("{} [{}]", what, unit.name); };
-  table.header = {"mark",
-                  "samples",
-                  in_unit("RMSE"),
-                  in_unit("in the plane"),
-                  in_unit("across"),
-                  in_unit("largest"),
-                  "at [s]",
-                  "in sigmas"};
-  for (const correlate::MarkError& e : c.errors) {
-    table.rows.push_back({e.mark, std::to_string(e.samples), length(e.rmse),
-                          length(e.rmse_in_plane), length(e.rmse_across), length(e.largest),
-                          FixedNumber(e.largest_at, 3),
-                          e.sigmas > 0.0 ? fmt::format("{:.2f}", e.sigmas) : "-"});
-  }
+  table.rows = MarkErrorRows(c);
+  table.header = table.rows.front();
+  table.rows.erase(table.rows.begin());
   page->AddTable(table);
 }
 
 }  // namespace
+
+std::vector<std::vector<std::string>> MarkErrorRows(const correlate::Comparison& c) {
+  const LengthUnit unit = UnitFor(c.errors.back().rmse);  // of all marks
+  const auto length = [&](double metres) { return fmt::format("{:.3f}", unit.per_metre * metres); };
+  const auto in_unit = [&](const char* what) { return fmt::format("{} [{}]", what, unit.name); };
+  std::vector<std::vector<std::string>> rows = {{"mark", "samples", in_unit("RMSE"),
+                                                 in_unit("in plane"), in_unit("across"),
+                                                 in_unit("largest"), "at [s]", "in sigmas"}};
+  for (const correlate::MarkError& e : c.errors) {
+    rows.push_back({e.mark, std::to_string(e.samples), length(e.rmse), length(e.rmse_in_plane),
+                    length(e.rmse_across), length(e.largest), FixedNumber(e.largest_at, 3),
+                    e.sigmas > 0.0 ? fmt::format("{:.2f}", e.sigmas) : "-"});
+  }
+  return rows;
+}
 
 std::vector<std::size_t> MarksByMotion(const correlate::Comparison& c) {
   std::vector<std::pair<double, std::string>> order;
@@ -266,7 +267,7 @@ void AddMovingPicture(const correlate::Comparison& c, report::Page* page) {
     motion = MotionOfRun(run, marks, c.alignment.at.offset);
   }
   if (!c.marks.empty()) motion = MotionOfBoth(c, std::move(motion));
-  if (motion) page->AddMotion(*motion);
+  if (motion) page->AddMotion(std::move(*motion));
 }
 
 void AddMarksHead(const correlate::Comparison& c, report::Page* page) {

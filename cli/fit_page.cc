@@ -286,7 +286,7 @@ void AddMovingScene(const FitPageInput& in, report::Page* page) {
   if (compared) motion = MotionOfBoth(in.comparison, std::move(motion));
   if (!motion) return;
   if (in.record.trials.size() > 1) motion->title += ", " + in.record.trials.front();
-  page->AddMotion(*motion);
+  page->AddMotion(std::move(*motion));
 }
 
 void AddSearch(const FitPageInput& in, report::Page* page) {

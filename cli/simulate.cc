@@ -56,8 +56,7 @@ class SimulateVerb {
     const std::vector<std::string> plots =
         PlottedQuantities(*model, arguments_.plots, arguments_.quantities);
     const std::string& out = arguments_.out;
-    const double duration =
-        options.simulate->duration > 0.0 ? options.simulate->duration : model->duration;
+    const double duration = sim::DurationOf(*options.simulate, *model);
     options.provenance.options["duration"] = fmt::format("{}", duration);
     const double bytes = sim::RecordingSize(*model, options);
     std::error_code unknown;  // what the disk cannot hold is refused below, in one line

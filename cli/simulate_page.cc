@@ -228,7 +228,7 @@ class Composer {
   void AddMotion() {
     page_.AddSection("Motion");
     const std::vector<std::string> marks = in_.recorder.observables().marks();
-    if (const auto motion = MotionOfRun(run_.reader(), marks)) page_.AddMotion(*motion);
+    if (auto motion = MotionOfRun(run_.reader(), marks)) page_.AddMotion(std::move(*motion));
     report::Paths paths;
     paths.title = "Paths of the marks";
     paths.note = "A ring at the start, a disc at the end.";

@@ -38,7 +38,7 @@ void AddMotion(const TracksDigest& digest, report::Page* page) {
     motion.marks.push_back({digest.marks[m], true, dots.t, LessOrigin(dots.p[a], origin[a]),
                             LessOrigin(dots.p[b], origin[b]), static_cast<int>(m)});
   }
-  if (SpanFrames(&motion)) page->AddMotion(motion);
+  if (SpanFrames(&motion)) page->AddMotion(std::move(motion));
 }
 
 // Of a mark with many samples as many as all marks together may show.

@@ -178,7 +178,7 @@ ordered_json ToJson(const CampaignDesign& d) {
           {"rows", d.rows}};
 }
 
-CampaignDesign Design(const ordered_json& j) {
+CampaignDesign DesignOf(const ordered_json& j) {
   CampaignDesign d;
   d.kind = KindOf<CampaignDesign::Kind>(j.at("kind"), kDesigns);
   d.runs = Whole<std::uint64_t>(j.at("runs"));
@@ -226,7 +226,7 @@ Campaign CampaignFromJson(const std::string& text, const std::string& where) {
     plan.inputs = j.at("inputs").get<std::vector<std::string>>();
     plan.slurm = j.at("slurm").get<std::vector<std::string>>();
     plan.job = Job(j.at("job"));
-    plan.design = Design(j.at("design"));
+    plan.design = DesignOf(j.at("design"));
     for (const ordered_json& v : j.at("variables")) plan.variables.push_back(Variable(v));
     for (const ordered_json& c : j.at("correlations")) {
       plan.correlations.push_back({c.at("first"), c.at("second"), c.at("value"), where});

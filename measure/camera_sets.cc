@@ -14,7 +14,8 @@ namespace unfurl::measure {
 
 namespace {
 
-constexpr std::size_t kMost = 500;  // flashes: what stays the same for a while is in few as well
+constexpr std::size_t kMostCounted =
+    500;  // flashes: what stays the same for a while is in few as well
 // Of what the calibration's errors may do over all flashes, in sigmas squared [-]: less is nothing.
 constexpr double kNothing = 1e-2;
 constexpr int kHalvings = 8;  // of the loss at which a flash counts half: from all to the good ones
@@ -109,7 +110,7 @@ CameraSets::CameraSets(const HealthEvidence& evidence, const Triangulator& trian
   std::size_t lit = 0;
   for (std::size_t i = 0; i < evidence.size(); ++i) lit += evidence.mark(i) >= 0;
   // An odd stride meets all marks of a turn of any length but its own multiples.
-  const std::size_t stride = std::max<std::size_t>(1, lit / kMost) | 1U;
+  const std::size_t stride = std::max<std::size_t>(1, lit / kMostCounted) | 1U;
   std::size_t k = 0;
   for (std::size_t i = 0; i < evidence.size(); ++i) {
     if (evidence.mark(i) >= 0 && k++ % stride == 0) lines_.push_back(i);

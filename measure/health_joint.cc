@@ -15,9 +15,9 @@ namespace unfurl::measure {
 
 namespace {
 
-constexpr int kShapes = 3;            // functions of time: 1, a step, t from the middle
-constexpr std::size_t kMost = 1500;   // flashes: more gain nothing on the calibration's errors
-constexpr std::size_t kMoments = 64;  // of a step, that are independent of each other
+constexpr int kShapes = 3;                // functions of time: 1, a step, t from the middle
+constexpr std::size_t kMostJoint = 1500;  // flashes: more gain nothing on the calibration's errors
+constexpr std::size_t kMoments = 64;      // of a step, that are independent of each other
 
 using Shape = Eigen::Matrix<double, kShapes, 1>;
 
@@ -42,7 +42,7 @@ class Joint {
     std::size_t lit = 0;
     for (std::size_t i = 0; i < evidence.size(); ++i) lit += evidence.mark(i) >= 0;
     // An odd stride meets all marks of a turn of any length but its own multiples.
-    const std::size_t stride = std::max<std::size_t>(1, lit / kMost) | 1U;
+    const std::size_t stride = std::max<std::size_t>(1, lit / kMostJoint) | 1U;
     std::vector<Eigen::Vector3d> last(marks, triangulator.centre());
     std::size_t k = 0;
     for (std::size_t i = 0; i < evidence.size(); ++i) {

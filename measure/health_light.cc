@@ -41,7 +41,7 @@ std::vector<Course> CoursesOf(int slices) {
   return out;
 }
 
-struct Explanation {
+struct LightExplanation {
   LightSubject subject;
   Course course;
   double size = 0.0;      // of the logarithm [-]
@@ -68,18 +68,19 @@ class Light {
   std::size_t subjects() const { return subjects_.size(); }
 
   // The best course of each subject, the best of all first.
-  std::vector<Explanation> Explain() const {
-    std::vector<Explanation> out;
+  std::vector<LightExplanation> Explain() const {
+    std::vector<LightExplanation> out;
     for (const LightSubject& subject : subjects_) {
-      Explanation best{.subject = subject};
+      LightExplanation best{.subject = subject};
       for (std::size_t k = 0; k < courses_.size(); ++k) {
-        const Explanation one = Of(subject, k);
+        const LightExplanation one = Of(subject, k);
         if (one.gain > best.gain) best = one;
       }
       if (best.gain > 0.0) out.push_back(best);
     }
-    std::stable_sort(out.begin(), out.end(),
-                     [](const Explanation& a, const Explanation& b) { return a.gain > b.gain; });
+    std::stable_sort(
+        out.begin(), out.end(),
+        [](const LightExplanation& a, const LightExplanation& b) { return a.gain > b.gain; });
     return out;
   }
 
@@ -89,11 +90,11 @@ class Light {
     double size = 0.0, variance = 0.0;  // of the logarithm [-]
     int first = 0, last = 0;            // slices
   };
-  Average Over(const Explanation& best, double wide) const {
+  Average Over(const LightExplanation& best, double wide) const {
     Average out{.first = best.course.begin, .last = best.course.begin};
     double weight = 0.0, sum = 0.0, squares = 0.0;
     for (std::size_t k = 0; k < courses_.size(); ++k) {
-      const Explanation one = Of(best.subject, k);
+      const LightExplanation one = Of(best.subject, k);
       const double worse = (best.gain - one.gain) / wide;
       if (worse > kSure) continue;
       const double w = std::exp(-0.5 * worse), last = shapes_[k](slices_ - 1);
@@ -109,7 +110,7 @@ class Light {
   }
 
   // How much more than white errors what is left scatters, by the subject's cameras [-].
-  double Wide(const Explanation& best) const {
+  double Wide(const LightExplanation& best) const {
     double wide = 1.0;
     for (std::size_t c = 0; c < sides_.size(); ++c) {
       if (!Holds(best.subject, c) || !sides_[c].tells()) continue;
@@ -126,7 +127,7 @@ class Light {
     }
     return sum;
   }
-  void Take(const Explanation& best) {
+  void Take(const LightExplanation& best) {
     for (std::size_t c = 0; c < sides_.size(); ++c) {
       if (!Holds(best.subject, c) || !sides_[c].tells()) continue;
       sides_[c].Take(best.subject.mark, Shape(best), best.size);
@@ -137,7 +138,7 @@ class Light {
   static bool Holds(const LightSubject& subject, std::size_t camera) {
     return subject.camera < 0 || subject.camera == static_cast<int>(camera);
   }
-  Eigen::VectorXd Shape(const Explanation& one) const { return one.course.Shape(slices_); }
+  Eigen::VectorXd Shape(const LightExplanation& one) const { return one.course.Shape(slices_); }
 
   // With one mark its light in one camera is that camera's, and in all cameras the LED's.
   void ListSubjects() {
@@ -153,7 +154,7 @@ class Light {
     }
   }
 
-  Explanation Of(const LightSubject& subject, std::size_t course) const {
+  LightExplanation Of(const LightSubject& subject, std::size_t course) const {
     double square = 0.0, product = 0.0;
     for (std::size_t c = 0; c < sides_.size(); ++c) {
       if (!Holds(subject, c) || !sides_[c].tells()) continue;
@@ -172,8 +173,9 @@ class Light {
   std::vector<LightSubject> subjects_;
 };
 
-void SetTime(const std::vector<std::vector<LightLook>>& looks, int marks, const Explanation& best,
-             const Light::Average& average, const LightClock& clock, LightFault* fault) {
+void SetTime(const std::vector<std::vector<LightLook>>& looks, int marks,
+             const LightExplanation& best, const Light::Average& average, const LightClock& clock,
+             LightFault* fault) {
   // What takes few slices may have come at once in the middle of one.
   constexpr int kBrief = 4;  // slices
   const LightMoment moment{.subject = best.subject,
@@ -198,15 +200,15 @@ void FindIn(const std::vector<std::vector<LightLook>>& looks, int marks, const L
   Light light(looks, marks, clock.slices);
   const double tests = static_cast<double>(light.looks());
   for (std::size_t round = 0; round < light.subjects(); ++round) {
-    const std::vector<Explanation> all = light.Explain();
+    const std::vector<LightExplanation> all = light.Explain();
     if (all.empty()) return;
-    const Explanation& best = all.front();
+    const LightExplanation& best = all.front();
     const double wide = light.Wide(best);
     // The scatter is an estimate of so many numbers, of which what persists counts once.
     const double degrees = std::max(1.0, light.Degrees(best.subject) / wide);
     const double limit = StudentQuantile(1.0 - 0.5 * options.false_alarm / tests, degrees);
     if (!(best.gain > limit * limit * wide)) return;
-    const Explanation taken = best;
+    const LightExplanation taken = best;
     const Light::Average average = light.Over(taken, wide);
     light.Take(taken);
     const LightKind kind = taken.subject.kind;

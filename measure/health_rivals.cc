@@ -46,7 +46,7 @@ std::vector<std::uint32_t> SetsUpTo(int most, std::size_t cameras) {
 }
 
 // An explanation: sets of cameras, by event, and which others explain it as well.
-struct Explanation {
+struct EventExplanation {
   CameraSets::Fit fit;
   double price = HUGE_VAL;     // -2 ln of its probability, beside others of its events [-]
   double apart = 0.0;          // of that, what is not its loss [-]
@@ -60,8 +60,9 @@ constexpr int kMostTogether = 3;  // cameras of one moment
 // The sets of an event against each other, those of the other events as they are. Where `sure`,
 // what is known was found for certain among as many cameras at a time: only more at once are held
 // against it.
-Explanation JudgeEvent(const CameraSets& sets, const HealthOptions& options, std::size_t event,
-                       std::size_t cameras, const std::vector<std::uint32_t>& known, bool sure) {
+EventExplanation JudgeEvent(const CameraSets& sets, const HealthOptions& options, std::size_t event,
+                            std::size_t cameras, const std::vector<std::uint32_t>& known,
+                            bool sure) {
   std::vector<CameraSets::Fit> fits;
   const int most = std::min(std::popcount(known[event]) + 1, kMostTogether);
   for (const std::uint32_t set : SetsUpTo(most, cameras)) {
@@ -72,7 +73,7 @@ Explanation JudgeEvent(const CameraSets& sets, const HealthOptions& options, std
   const auto least = std::min_element(fits.begin(), fits.end(),
                                       [](const auto& a, const auto& b) { return a.loss < b.loss; });
   const double wide = least->wide;
-  Explanation best;
+  EventExplanation best;
   best.event = event;
   for (const CameraSets::Fit& fit : fits) {
     const double price = sets.Price(fit, wide);
@@ -105,11 +106,11 @@ Explanation JudgeEvent(const CameraSets& sets, const HealthOptions& options, std
 }
 
 // Event by event, until one is in doubt.
-Explanation Judge(const CameraSets& sets, const HealthOptions& options, std::size_t cameras,
-                  bool sure) {
+EventExplanation Judge(const CameraSets& sets, const HealthOptions& options, std::size_t cameras,
+                       bool sure) {
   std::vector<std::uint32_t> known;
   for (const CameraEvent& event : sets.events()) known.push_back(event.cameras);
-  Explanation out;
+  EventExplanation out;
   for (std::size_t e = 0; e < known.size() && out.doubtful == 0; ++e) {
     out = JudgeEvent(sets, options, e, cameras, known, sure);
     known[e] = out.fit.sets[e];
@@ -137,7 +138,7 @@ std::vector<CameraEvent> EventsOf(const std::vector<Fault>& faults, double span)
   return out;
 }
 
-std::vector<Fault> FaultsOf(const CameraSets& sets, const Explanation& by) {
+std::vector<Fault> FaultsOf(const CameraSets& sets, const EventExplanation& by) {
   std::vector<Fault> out = sets.FaultsOf(by.fit);
   if (by.doubtful == 0) return out;
   // One of them stands for all; what is left cannot be told from it.
@@ -243,7 +244,7 @@ void JudgeRivals(const HealthEvidence& raw, const Triangulator& triangulator,
   const double span = std::max(raw.t(raw.size() - 1) - raw.t(0), 1e-9);
   const CameraSets found(evidence, triangulator, options, marks, EventsOf(offsets, span));
   const bool sure = one && offsets[0].certain();
-  const Explanation by = Judge(found, options, cameras, sure);
+  const EventExplanation by = Judge(found, options, cameras, sure);
   // Each lag has a price: any number of lines of any camera, from any moment on.
   const double lag = static_cast<double>(2 * options.most_lag) * static_cast<double>(cameras) *
                      static_cast<double>(found.flashes());
@@ -264,7 +265,7 @@ void JudgeRivals(const HealthEvidence& raw, const Triangulator& triangulator,
       if (moment.kind != FaultKind::kMoved) continue;
       moment.cameras = 1U;
       const CameraSets instead(raw, triangulator, options, marks, {moment});
-      const Explanation other = Judge(instead, options, cameras, false);
+      const EventExplanation other = Judge(instead, options, cameras, false);
       // It explains most of what contradicts itself without any fault, and not a few by chance.
       if (2 * other.fit.unexplained > none) continue;
       rivals.push_back({other.fit.loss, other.fit.wide,

@@ -11,9 +11,9 @@ namespace {
 
 // Of the wider of two spots: a spot at the limit of detection, six sigmas, lies within a third of
 // its width of where it should (three sigmas of it are one width), and full ones are lopsided.
-constexpr double kReach = 2.0;
+constexpr double kLightReach = 2.0;
 // Of the charge that is kept, by line: lines that show more are one in so many.
-constexpr double kMostLines = 0.95;
+constexpr double kAlmostAllLines = 0.95;
 // Where nothing is seen the brightest light before bounds what is kept: that of a quarter of lines,
 // for some marks may be dim.
 constexpr double kBrightLines = 0.25;
@@ -26,7 +26,7 @@ constexpr std::size_t kEnough = 20;  // lines, of which 95% are at least one les
 }  // namespace
 
 bool LinesBefore::SamePlace(const Spot& spot, const Light& light) {
-  return std::abs(spot.u_px - light.u_px) < kReach * std::max(light.width_px, spot.width_px);
+  return std::abs(spot.u_px - light.u_px) < kLightReach * std::max(light.width_px, spot.width_px);
 }
 
 bool LinesBefore::Explain(const Spot& spot) const {
@@ -55,7 +55,7 @@ void LinesBefore::Learn(std::span<const Spot> spots, const SpotFinder& finder) {
   if (count_ == 0 || spots.empty() || !(light_[0].flux > 0.0)) return;
   const Light& before = light_[0];
   Light wide = before;  // whatever its light meets is no measure of it
-  wide.width_px *= kReach;
+  wide.width_px *= kLightReach;
   if (SamePlace(spots[0], wide)) return;
   double kept = 0.0;
   for (const Spot& spot : spots.subspan(1)) {
@@ -68,7 +68,7 @@ void LinesBefore::Learn(std::span<const Spot> spots, const SpotFinder& finder) {
 
 void LinesBefore::Conclude() {
   if (seen_.size() >= kEnough) {
-    share_ = std::max(kMargin * Quantile(seen_, kMostLines),
+    share_ = std::max(kMargin * Quantile(seen_, kAlmostAllLines),
                       std::min(least_share_, kMargin * Quantile(bound_, kBrightLines)));
   }
   seen_.clear();

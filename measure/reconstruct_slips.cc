@@ -13,12 +13,12 @@ namespace unfurl::measure {
 
 namespace {
 
-constexpr std::size_t kStretches = 32, kRounds = 4;  // rounds of slots in each
-constexpr std::size_t kMostLines = 128;              // of a stretch
+constexpr std::size_t kStretches = 32, kSlotRounds = 4;  // rounds of slots in each
+constexpr std::size_t kLongestStretch = 128;             // of a stretch
 
 // Lines of a stretch, and how many there are.
 std::pair<std::size_t, std::size_t> StretchesOf(std::size_t lines, std::size_t slots) {
-  const std::size_t length = std::min({kRounds * slots, kMostLines, lines});
+  const std::size_t length = std::min({kSlotRounds * slots, kLongestStretch, lines});
   return {length, std::min(kStretches, lines / length)};
 }
 

@@ -20,7 +20,8 @@ namespace {
 constexpr double kPlainly = 0.05;
 // Of the row: below, a camera may have moved by as much [-].
 constexpr double kLeastMisfit = 0.01;
-constexpr std::size_t kFewest = 8;  // flashes: their median is then no matter of some reflections
+constexpr std::size_t kFewestFlashes =
+    8;  // flashes: their median is then no matter of some reflections
 constexpr std::size_t kRecordSlipsMost = 256;  // flashes that are tried; more tell nothing new
 
 // Camera c reads what is named camera `of[c]`, from the other end of its row where bit c is set.
@@ -129,7 +130,7 @@ FreeEnd FreeEndOf(const Flashes& flashes, std::size_t camera, const Triangulator
     sum.push_back(u + (*flash)[camera]);
     difference.push_back(u - (*flash)[camera]);
   }
-  if (sum.size() < kFewest) return {camera};
+  if (sum.size() < kFewestFlashes) return {camera};
   const double shifted = MedianOff(difference);
   if (!(shifted > kLeastMisfit * mine.pixels)) return {camera};
   return {camera, Median(sum), MedianOff(sum) / shifted};
@@ -146,7 +147,7 @@ RecordSlip FindCameraSlip(std::span<const FlashReadings> flashes,
         [](double u) { return !std::isnan(u); });
     if (readings >= 4) seen.push_back(&flash);
   }
-  if (seen.size() < kFewest) return {};
+  if (seen.size() < kFewestFlashes) return {};
   const std::size_t every = (seen.size() + kRecordSlipsMost - 1) / kRecordSlipsMost;
   Flashes some;
   for (std::size_t i = 0; i < seen.size(); i += every) some.push_back(seen[i]);

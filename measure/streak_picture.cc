@@ -20,7 +20,7 @@ namespace {
 constexpr int kWidth = 1400;              // of a panel, at most [picture px]
 constexpr int kHeight = 240;              // of a panel [picture px]
 constexpr int kStreakPictureMargin = 46;  // for the labels
-constexpr int kGap = 26;                  // above each panel
+constexpr int kPanelGap = 26;             // above each panel
 constexpr double kGamma = 0.45;           // a screen's own, about 1 / 2.2: faint streaks show
 constexpr double kFloorSigmas = 5.0;      // what counts as dark
 
@@ -114,7 +114,7 @@ void StreakPicture::Add(const data::TrialBlock& block) {
 void StreakPicture::Write(const std::string& path) const {
   const Impl& im = *impl_;
   const int panels = static_cast<int>(im.panels.size());
-  const int total_height = panels * (kHeight + kGap) + 2 * kStreakPictureMargin;
+  const int total_height = panels * (kHeight + kPanelGap) + 2 * kStreakPictureMargin;
   cv::Mat page(total_height, im.width + 2 * kStreakPictureMargin, CV_8UC3, cv::Scalar(24, 20, 18));
   const auto text = [&](const std::string& words, int x, int y, const cv::Scalar& colour) {
     cv::putText(page, words, {x, y}, cv::FONT_HERSHEY_SIMPLEX, 0.45, colour, 1, cv::LINE_AA);
@@ -123,7 +123,7 @@ void StreakPicture::Write(const std::string& path) const {
   const double range = std::max(1e-9, im.last_t - im.first_t);
   const double step = TickStep(range);
   for (int c = 0; c < panels; ++c) {
-    const cv::Rect place(kStreakPictureMargin, kStreakPictureMargin + c * (kHeight + kGap),
+    const cv::Rect place(kStreakPictureMargin, kStreakPictureMargin + c * (kHeight + kPanelGap),
                          im.width, kHeight);
     cv::Mat soft, bytes;
     cv::GaussianBlur(im.panels[static_cast<std::size_t>(c)], soft, {3, 3}, 0.6);

@@ -235,7 +235,7 @@ void BindRig(py::module_& m) {
 }
 
 // Lines of a trial, with the block that holds them.
-py::tuple ReadLines(const data::TrialReader& trial, py::ssize_t first, py::ssize_t count) {
+py::tuple LinesOf(const data::TrialReader& trial, py::ssize_t first, py::ssize_t count) {
   const auto n = static_cast<py::ssize_t>(trial.size());
   if (first < 0 || count < 0 || first + count > n) {
     throw py::index_error(fmt::format("lines {} to {} of {}", first, first + count, n));
@@ -268,7 +268,7 @@ void BindTrial(py::module_& m) {
       .def_property_readonly(
           "line_rate", [](const data::TrialReader& self) { return self.header().line_rate; },
           "[1/s]")
-      .def("lines", &ReadLines, py::arg("first"), py::arg("count"),
+      .def("lines", &LinesOf, py::arg("first"), py::arg("count"),
            "Lines [first, first + count) as (t, lit, counts): t (count,) middle of the flash on "
            "the\n"
            "recorder's clock [s]; lit (count,) index into self.lit; counts (count, c, elements).")

@@ -256,8 +256,8 @@ void Page::AddMap(const Map& map) {
   ++drawings_;
 }
 
-void Page::AddMotion(const Motion& motion) {
-  body_ += MotionHtml(InShortUnit(motion), fmt::format("motion{}", motions_));
+void Page::AddMotion(Motion motion) {
+  body_ += MotionHtml(InShortUnit(std::move(motion)), fmt::format("motion{}", motions_));
   ++motions_;
 }
 

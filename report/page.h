@@ -147,7 +147,7 @@ class Page {
   void AddChart(const Chart& chart);
   void AddPaths(const Paths& paths);
   void AddMap(const Map& map);
-  void AddMotion(const Motion& motion);  // its time is that of the charts of time
+  void AddMotion(Motion motion);  // its time is that of the charts of time
   void AddSpace(const Space& space);
   // `png` are the bytes of a PNG file; `alternative` says in words what it shows.
   void AddPicture(const std::string& title, const std::string& note,

@@ -19,7 +19,7 @@ constexpr double kMaxHeight = 620.0;  // a tall drawing is narrowed instead
 constexpr double kLeft = 64.0, kRight = 16.0, kTop = 12.0, kBottom = 44.0;
 constexpr double kMinStep = 0.4;  // points nearer than this to the last one add nothing
 
-struct Box {
+struct PathsBox {
   double x_low = std::numeric_limits<double>::infinity();
   double x_high = -std::numeric_limits<double>::infinity();
   double y_low = std::numeric_limits<double>::infinity();
@@ -54,7 +54,7 @@ std::string TickLabel(double value, double step) {
 
 class Drawing {
  public:
-  explicit Drawing(const Box& box) : box_(box) {
+  explicit Drawing(const PathsBox& box) : box_(box) {
     const double room_x = kWidth - kLeft - kRight;
     const double room_y = kMaxHeight - kTop - kBottom;
     scale_ = std::min(room_x / (box.x_high - box.x_low), room_y / (box.y_high - box.y_low));
@@ -148,7 +148,7 @@ class Drawing {
   }
 
  private:
-  Box box_;
+  PathsBox box_;
   double scale_ = 1.0, width_ = 0.0, height_ = 0.0;
 };
 
@@ -174,7 +174,7 @@ std::vector<double> Ticks(double low, double high, int count) {
 }
 
 std::string PathsSvg(const Paths& paths) {
-  Box box;
+  PathsBox box;
   for (const Path& path : paths.paths) {
     if (path.x.size() != path.y.size()) {
       throw Error(fmt::format("{} x for {} y", path.x.size(), path.y.size()),

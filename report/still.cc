@@ -15,9 +15,9 @@ namespace unfurl::report {
 namespace {
 
 // Room for the axes' numbers and titles [px].
-constexpr double kLeft = 72.0, kRight = 18.0, kBottom = 52.0;
-constexpr double kRow = 18.0;      // of the legend
-constexpr double kMinStep = 0.35;  // points nearer than this to the last one add nothing [px]
+constexpr double kRoomLeft = 72.0, kRoomRight = 18.0, kRoomBottom = 52.0;
+constexpr double kRow = 18.0;        // of the legend
+constexpr double kStillStep = 0.35;  // points nearer than this to the last one add nothing [px]
 
 // One axis: values to pixels.
 class Scale {
@@ -82,7 +82,7 @@ std::string Curve(const Series& s, const Scale& X, const Scale& Y, const std::st
       continue;
     }
     const double x = X(s.x[i]), y = Y(s.y[i]);
-    if (down && std::hypot(x - last_x, y - last_y) < kMinStep) continue;
+    if (down && std::hypot(x - last_x, y - last_y) < kStillStep) continue;
     if (s.style == Style::kDots) {
       dots += fmt::format("<circle cx=\"{:.1f}\" cy=\"{:.1f}\" r=\"1.4\"/>", x, y);
     } else {
@@ -117,7 +117,7 @@ std::string Markers(const Chart& chart, const Scale& X, double top, double width
                    [](const Marker& a, const Marker& b) { return a.x < b.x; });
   double last_x = -1e9, down = 0.0;
   for (const Marker& m : markers) {
-    if (!X.Shows(m.x) || X(m.x) < kLeft || X(m.x) > width - kRight) continue;
+    if (!X.Shows(m.x) || X(m.x) < kRoomLeft || X(m.x) > width - kRoomRight) continue;
     constexpr double kApart = 12.0, kLetter = 6.0;  // a label's height, a letter's width [px]
     const double previous = down;
     down = X(m.x) - last_x < kApart ? previous : 0.0;
@@ -126,7 +126,7 @@ std::string Markers(const Chart& chart, const Scale& X, double top, double width
         "<path d=\"M{0:.1f} {1:.1f}V{2:.1f}\" stroke=\"#888\" stroke-dasharray=\"3 3\"/><text "
         "x=\"{3:.1f}\" y=\"{4:.1f}\" font-size=\"10\" fill=\"#555\" transform=\"rotate(-90 {3:.1f} "
         "{4:.1f})\" text-anchor=\"end\">{5}</text>\n",
-        X(m.x), top, height - kBottom, X(m.x) - 3, top + 4 + down, EscapeHtml(m.label));
+        X(m.x), top, height - kRoomBottom, X(m.x) - 3, top + 4 + down, EscapeHtml(m.label));
     down += kLetter * static_cast<double>(m.label.size()) + 6.0;
   }
   return svg;
@@ -135,7 +135,7 @@ std::string Markers(const Chart& chart, const Scale& X, double top, double width
 // The series, and their names in two columns above the plot.
 std::string CurvesWithKey(const Chart& chart, const Scale& X, const Scale& Y, double width) {
   std::string svg;
-  double key_x = kLeft, key_y = 38.0;
+  double key_x = kRoomLeft, key_y = 38.0;
   for (std::size_t k = 0; k < chart.series.size(); ++k) {
     const Series& s = chart.series[k];
     const std::string color = PaletteColor(s.color >= 0 ? s.color : static_cast<int>(k));
@@ -148,7 +148,7 @@ std::string CurvesWithKey(const Chart& chart, const Scale& X, const Scale& Y, do
                              s.style == Style::kDashes ? " stroke-dasharray=\"6 4\"" : "");
     svg += fmt::format("<text x=\"{:.1f}\" y=\"{:.1f}\">{}</text>\n", key_x + 30, key_y,
                        EscapeHtml(s.name));
-    key_x = k % 2 == 0 ? 0.5 * (kLeft + width) : kLeft;
+    key_x = k % 2 == 0 ? 0.5 * (kRoomLeft + width) : kRoomLeft;
     if (k % 2 == 1) key_y += kRow;
   }
   return svg;
@@ -161,7 +161,7 @@ std::string StillSvg(const Chart& chart, int width_px, int height_px) {
   const double width = width_px, height = height_px;
   const std::size_t legend_rows = (chart.series.size() + 1) / 2;
   const double top = 34.0 + kRow * static_cast<double>(legend_rows);
-  Scale X(chart.x, kLeft, width - kRight), Y(chart.y, height - kBottom, top);
+  Scale X(chart.x, kRoomLeft, width - kRoomRight), Y(chart.y, height - kRoomBottom, top);
   for (const Series& s : chart.series) {
     for (std::size_t i = 0; i < s.x.size(); ++i) {
       if (!X.Shows(s.x[i]) || !Y.Shows(s.y[i])) continue;
@@ -180,8 +180,8 @@ std::string StillSvg(const Chart& chart, int width_px, int height_px) {
       "{1}\" font-family=\"Helvetica, Arial, DejaVu Sans, sans-serif\" font-size=\"13\">\n"
       "<rect width=\"{0}\" height=\"{1}\" fill=\"#fff\"/>\n"
       "<text x=\"{2:.1f}\" y=\"20\" font-size=\"15\" font-weight=\"bold\">{3}</text>\n",
-      width_px, height_px, kLeft, EscapeHtml(chart.title));
-  const std::vector<double> xs = X.Marks(static_cast<int>((width - kLeft) / 90)),
+      width_px, height_px, kRoomLeft, EscapeHtml(chart.title));
+  const std::vector<double> xs = X.Marks(static_cast<int>((width - kRoomLeft) / 90)),
                             ys = Y.Marks(static_cast<int>((height - top) / 50));
   const double x_step = xs.size() > 1 ? xs[1] - xs[0] : 1.0;
   const double y_step = ys.size() > 1 ? ys[1] - ys[0] : 1.0;
@@ -190,14 +190,14 @@ std::string StillSvg(const Chart& chart, int width_px, int height_px) {
         "<path d=\"M{0:.1f} {1:.1f}V{2:.1f}\" stroke=\"#e2e2e2\"/><text x=\"{0:.1f}\" "
         "y=\"{3:.1f}\" "
         "text-anchor=\"middle\">{4}</text>\n",
-        X(x), top, height - kBottom, height - kBottom + 18, Word(x, x_step));
+        X(x), top, height - kRoomBottom, height - kRoomBottom + 18, Word(x, x_step));
   }
   for (const double y : ys) {
     svg += fmt::format(
         "<path d=\"M{0:.1f} {1:.1f}H{2:.1f}\" stroke=\"#e2e2e2\"/><text x=\"{3:.1f}\" "
         "y=\"{4:.1f}\" "
         "text-anchor=\"end\">{5}</text>\n",
-        kLeft, Y(y), width - kRight, kLeft - 6, Y(y) + 4, Word(y, y_step));
+        kRoomLeft, Y(y), width - kRoomRight, kRoomLeft - 6, Y(y) + 4, Word(y, y_step));
   }
   svg += Markers(chart, X, top, width, height);
   svg += CurvesWithKey(chart, X, Y, width);
@@ -205,9 +205,9 @@ std::string StillSvg(const Chart& chart, int width_px, int height_px) {
       "<rect x=\"{:.1f}\" y=\"{:.1f}\" width=\"{:.1f}\" height=\"{:.1f}\" fill=\"none\" "
       "stroke=\"#555\"/>\n<text x=\"{:.1f}\" y=\"{:.1f}\" text-anchor=\"middle\">{}</text>\n"
       "<text transform=\"translate(18 {:.1f}) rotate(-90)\" text-anchor=\"middle\">{}</text>\n",
-      kLeft, top, width - kLeft - kRight, height - top - kBottom, 0.5 * (kLeft + width - kRight),
-      height - 14, EscapeHtml(AxisTitle(chart.x)), 0.5 * (top + height - kBottom),
-      EscapeHtml(AxisTitle(chart.y)));
+      kRoomLeft, top, width - kRoomLeft - kRoomRight, height - top - kRoomBottom,
+      0.5 * (kRoomLeft + width - kRoomRight), height - 14, EscapeHtml(AxisTitle(chart.x)),
+      0.5 * (top + height - kRoomBottom), EscapeHtml(AxisTitle(chart.y)));
   return svg + "</svg>\n";
 }
 

@@ -92,7 +92,7 @@ bool OfAngle(const std::string& unit) {
   return unit.find("rad") != std::string::npos || unit.find("deg") != std::string::npos;
 }
 
-struct Doubt {
+struct ScaleDoubt {
   bool times = false;  // else readings
   double ratio = 1.0;
   const Mistaken* unit = nullptr;
@@ -133,18 +133,18 @@ class Comparer {
       out.spread = record_.spread / scene.spread;
     return out;
   }
-  std::optional<Doubt> DoubtAt(std::span<const double> theta) const {
+  std::optional<ScaleDoubt> DoubtAt(std::span<const double> theta) const {
     const Ratios ratios = At(theta);
     if (!ratios.time) return {};
-    if (const Mistaken* m = Find(kTimes, *ratios.time)) return Doubt{true, *ratios.time, m};
+    if (const Mistaken* m = Find(kTimes, *ratios.time)) return ScaleDoubt{true, *ratios.time, m};
     if (!ratios.spread) return {};
     const Mistaken* m =
         OfAngle(channel_.unit) ? Find(kAngles, *ratios.spread) : Find(kOthers, *ratios.spread);
     if (m == nullptr) return {};
-    return Doubt{false, *ratios.spread, m};
+    return ScaleDoubt{false, *ratios.spread, m};
   }
   // Whether a scene with these values is so much nearer that it is no question of units.
-  bool Explains(const Doubt& doubt, std::span<const double> theta) const {
+  bool Explains(const ScaleDoubt& doubt, std::span<const double> theta) const {
     const Ratios ratios = At(theta);
     const std::optional<double>& own = doubt.times ? ratios.time : ratios.spread;
     if (!own || !(*own > 0.0)) return false;
@@ -158,7 +158,7 @@ class Comparer {
   Pace record_;
 };
 
-[[noreturn]] void Refuse(const Doubt& doubt, const correlate::ChannelRecord& channel,
+[[noreturn]] void Refuse(const ScaleDoubt& doubt, const correlate::ChannelRecord& channel,
                          const std::string& where) {
   if (doubt.times) {
     throw Error(fmt::format("the times of channel '{}' are {:.3g} times what the scene's motion "
@@ -186,7 +186,7 @@ void RefuseOtherChannelUnits(const data::StudyTrial& trial,
     const auto* channel = dynamic_cast<const correlate::Channel*>(kind.get());
     if (channel == nullptr) continue;
     const Comparer comparer(model, *channel);
-    const std::optional<Doubt> doubt = comparer.DoubtAt(theta);
+    const std::optional<ScaleDoubt> doubt = comparer.DoubtAt(theta);
     if (!doubt) continue;
     bool explained = false;
     for (std::size_t j = 0; j < parameters.size() && !explained; ++j) {

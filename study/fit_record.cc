@@ -204,8 +204,8 @@ void AddNuisances(const correlate::TrialResult& t, std::int32_t index, data::Fit
   }
 }
 
-void AddChannels(const correlate::TrialResult& t, const correlate::Observations& o,
-                 std::int32_t index, data::FitRecord* record) {
+void RecordChannels(const correlate::TrialResult& t, const correlate::Observations& o,
+                    std::int32_t index, data::FitRecord* record) {
   const correlate::ResidualKind::Clocks clocks = correlate::ClocksOf(o, t.reference, t.at.clock());
   const correlate::RowLayout layout(o);
   for (std::size_t k = 0; k < o.others.size(); ++k) {
@@ -331,7 +331,7 @@ data::FitRecord RecordOf(const data::Study& study, const correlate::FitProblem& 
     const auto index = static_cast<std::int32_t>(t);
     const correlate::TrialResult& trial = r.trials[t];
     AddNuisances(trial, index, &record);
-    AddChannels(trial, *problem.trials[t].observations, index, &record);
+    RecordChannels(trial, *problem.trials[t].observations, index, &record);
     AddSamples(trial, *problem.trials[t].observations, index, column, &record);
     column += static_cast<Eigen::Index>(problem.trials[t].observations->size());
     const std::string suffix = t == 0 ? "" : fmt::format("_{}", t + 1);

@@ -20,23 +20,24 @@ using correlate::ChannelRecord;
 using correlate::Prior;
 
 // What may be set free of an instrument.
-struct Number {
+struct ChannelNumber {
   Prior ChannelRecord::*said;
   const char* name;
   double unsaid;  // what it is where nothing is said
 };
-constexpr Number kNumbers[] = {{&ChannelRecord::gain, "gain", 1.0},
-                               {&ChannelRecord::bias, "bias", 0.0},
-                               {&ChannelRecord::delay, "delay", 0.0}};
+constexpr ChannelNumber kNumbers[] = {{&ChannelRecord::gain, "gain", 1.0},
+                                      {&ChannelRecord::bias, "bias", 0.0},
+                                      {&ChannelRecord::delay, "delay", 0.0}};
 
 // What it is without one: what is said, or what is taken where nothing is.
-double Taken(const ChannelRecord& record, const Number& number) {
+double Taken(const ChannelRecord& record, const ChannelNumber& number) {
   const Prior& said = record.*number.said;
   return said.Told() ? said.mean : number.unsaid;
 }
 
 // The channel with one number of which nothing is said; null: it is fitted already.
-std::shared_ptr<const correlate::ResidualKind> With(const Channel& channel, const Number& number) {
+std::shared_ptr<const correlate::ResidualKind> With(const Channel& channel,
+                                                    const ChannelNumber& number) {
   const correlate::Foreknowledge kind = (channel.record().*number.said).kind;
   if (kind == correlate::Foreknowledge::kFree || kind == correlate::Foreknowledge::kNormal) {
     return nullptr;
@@ -59,7 +60,7 @@ std::string ValueOf(const correlate::TrialResult& t, const std::string& name,
   return "";
 }
 
-std::string UnitOf(const ChannelRecord& record, const Number& number) {
+std::string UnitOf(const ChannelRecord& record, const ChannelNumber& number) {
   if (number.said == &ChannelRecord::bias) return record.unit;
   return number.said == &ChannelRecord::delay ? "s" : "";
 }
@@ -78,7 +79,7 @@ TrialsApart FindInstrumentsApart(const correlate::FitProblem& problem,
     for (std::size_t k = 0; k < all.others.size(); ++k) {
       const auto* channel = dynamic_cast<const Channel*>(all.others[k].get());
       if (channel == nullptr) continue;
-      for (const Number& number : kNumbers) {
+      for (const ChannelNumber& number : kNumbers) {
         correlate::Observations freed = all;
         freed.others[k] = With(*channel, number);
         if (freed.others[k] == nullptr) continue;

@@ -11,7 +11,7 @@ namespace unfurl::study {
 
 namespace {
 
-using Kind = data::SceneJoint::Kind;
+using JointKind = data::SceneJoint::Kind;
 
 constexpr double kPart = 0.01;  // of the largest kinetic energy, that a law takes
 // Of the largest rate, at which friction creeps in place of sticking: a hundredth of a swing's
@@ -36,12 +36,12 @@ struct Moves {
 };
 
 std::string RateOf(const data::SceneJoint& joint) {
-  return joint.name + (joint.kind == Kind::kSlider ? ".travel_rate" : ".theta_rate");
+  return joint.name + (joint.kind == JointKind::kSlider ? ".travel_rate" : ".theta_rate");
 }
 
 void Add(const data::SceneJoint& joint, const Moves& moves, double energy,
          std::vector<OtherLaw>* out) {
-  const bool slides = joint.kind == Kind::kSlider;
+  const bool slides = joint.kind == JointKind::kSlider;
   const std::string table = "joint." + joint.name + ".";
   const std::string force = slides ? "N" : "N m", rate = slides ? "m/s" : "rad/s";
   if (!joint.friction) {
@@ -76,7 +76,8 @@ std::vector<OtherLaw> OtherLawsOf(const std::vector<data::SceneJoint>& joints,
                                   double duration) {
   std::vector<const data::SceneJoint*> asked;
   for (const data::SceneJoint& joint : joints) {
-    if (HasLoss(joint) && !joint.drive && joint.kind != Kind::kPinInSlot) asked.push_back(&joint);
+    if (HasLoss(joint) && !joint.drive && joint.kind != JointKind::kPinInSlot)
+      asked.push_back(&joint);
   }
   std::vector<OtherLaw> out;
   if (asked.empty() || !(duration > 0.0)) return out;

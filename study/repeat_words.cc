@@ -12,7 +12,7 @@ namespace unfurl::study {
 namespace {
 
 using Repeat = data::FitRecord::Repeat;
-using Parameter = data::FitRecord::Parameter;
+using RecordParameter = data::FitRecord::Parameter;
 
 // A test that is wrong about trials that are alike in one campaign of twenty, however many
 // parameters or trials it looks at (Bonferroni).
@@ -61,7 +61,7 @@ std::string ProbabilityText(double p) {
 
 constexpr int kNextDigits = 6;  // a narrow interval of a large value keeps two that differ
 
-void JudgeParameter(const Repeat& r, const Repeat::Parameter& q, Parameter* p) {
+void JudgeParameter(const Repeat& r, const Repeat::Parameter& q, RecordParameter* p) {
   p->verdict = VerdictOf(r, q);
   const int digits = IntervalDigits(q.next_low95, q.next_high95, kNextDigits);
   p->reason =
@@ -156,7 +156,7 @@ void JudgeRepeat(const correlate::FittedTrials& fitted, const correlate::NextTri
   }
   record->verdict += ".";
   for (std::size_t j = 0; j < r.parameters.size(); ++j) {
-    Parameter& p = record->parameters[j];
+    RecordParameter& p = record->parameters[j];
     JudgeParameter(r, r.parameters[j], &p);
     record->reasons.push_back(fmt::format(
         "{} = {}{}: {}", p.name, NumberWithError(p.value, p.sigma), UnitAfter(p.unit), p.reason));

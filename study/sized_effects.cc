@@ -19,7 +19,7 @@ namespace {
 constexpr double kNext = 1e-6;
 // Friction has its whole moment at this part of a turn of 1 rad, or of the scene's length, in the
 // scene's duration [-].
-constexpr double kCreep = 0.05;
+constexpr double kSizedCreep = 0.05;
 
 // What a scene's masses, lengths and times are about.
 struct Scale {
@@ -68,9 +68,10 @@ class SizedList {
                                          turns ? "N m s^2/rad^2" : "N s^2/m^2", "damping",
                                          kNext * (turns ? size : size / scale_.length));
       const double whole = turns ? 1.0 : scale_.length;
-      Joints<data::SceneFriction>(kind, "friction of the " + what, turns ? "N m" : "N", "moment",
-                                  kNext * size * whole / (T * T),
-                                  fmt::format("friction.creep_rate={:.17g}", kCreep * whole / T));
+      Joints<data::SceneFriction>(
+          kind, "friction of the " + what, turns ? "N m" : "N", "moment",
+          kNext * size * whole / (T * T),
+          fmt::format("friction.creep_rate={:.17g}", kSizedCreep * whole / T));
     }
     const bool none = std::none_of(scene_.beams.begin(), scene_.beams.end(),
                                    [](const data::SceneBeam& b) { return b.damping > 0.0; });

@@ -12,7 +12,7 @@ namespace unfurl::campaign {
 
 namespace {
 
-constexpr std::size_t kFewest = 5;  // pairs: below, the variance's n - 3 means nothing
+constexpr std::size_t kFewestPairs = 5;  // pairs: below, the variance's n - 3 means nothing
 
 // From 1, equal values their mean.
 std::vector<double> Ranks(std::span<const double> x) {
@@ -44,7 +44,7 @@ double RankCorrelation(std::span<const double> a, std::span<const double> b) {
 }
 
 Interval RankCorrelationInterval(double r, std::size_t n, double confidence) {
-  if (n < kFewest) return {-1.0, 1.0};
+  if (n < kFewestPairs) return {-1.0, 1.0};
   if (std::abs(r) >= 1.0) return {r, r};
   const double z = NormalQuantile(0.5 + 0.5 * confidence);
   const double half = z * std::sqrt((1.0 + 0.5 * r * r) / (static_cast<double>(n) - 3.0));

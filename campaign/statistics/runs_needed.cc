@@ -12,7 +12,7 @@ namespace unfurl::campaign {
 
 namespace {
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr double kUnbounded = std::numeric_limits<double>::infinity();
 
 AnswerAt QuantileAt(const Wanted& wanted, std::span<const double> values) {
   std::vector<double> sorted;
@@ -20,7 +20,7 @@ AnswerAt QuantileAt(const Wanted& wanted, std::span<const double> values) {
     if (!std::isnan(v)) sorted.push_back(v);
   }
   std::sort(sorted.begin(), sorted.end());
-  AnswerAt at{.n = values.size(), .value = Quantile(sorted, wanted.p), .half_width = kInfinity};
+  AnswerAt at{.n = values.size(), .value = Quantile(sorted, wanted.p), .half_width = kUnbounded};
   if (const auto ranks = QuantileRanks(sorted.size(), wanted.p, wanted.confidence)) {
     at.half_width = (sorted[ranks->second - 1] - sorted[ranks->first - 1]) / 2.0;
   }
@@ -117,7 +117,7 @@ RunsEstimate RunsNeeded(const Wanted& wanted, std::span<const double> values,
   estimate.slope = SlopeOf(estimate.history);
   if (!(wanted.half_width > 0.0)) return estimate;
   const AnswerAt now =
-      estimate.history.empty() ? AnswerAt{.half_width = kInfinity} : estimate.history.back();
+      estimate.history.empty() ? AnswerAt{.half_width = kUnbounded} : estimate.history.back();
   estimate.met = now.half_width <= wanted.half_width;
   estimate.runs = estimate.met ? static_cast<double>(now.n) : RunsUntil(wanted, now);
   return estimate;

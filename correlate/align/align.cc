@@ -163,7 +163,7 @@ bool FindBest(const Observations& record, const SampledModel& b, const OffsetSea
 }
 
 // Status and message of an alignment that was found.
-void Judge(bool converged, double min_r2, Alignment* out) {
+void JudgeAlignment(bool converged, double min_r2, Alignment* out) {
   if (out->r2 < min_r2) {
     out->status = AlignStatus::kNothingShared;
     out->message = fmt::format(
@@ -274,7 +274,7 @@ Alignment AlignAsIs(const Observations& record, const SampledModel& b, const Ali
                static_cast<double>(out.fit.jacobian.cols() - a.shared_rank - a.PriorRows()));
   out.chi2_per_dof = a.has_sigma ? out.fit.SumOfSquares() / dof : 0.0;
   FillOverlap(a, &out);
-  Judge(best.converged, min_r2, &out);
+  JudgeAlignment(best.converged, min_r2, &out);
   return out;
 }
 

@@ -17,7 +17,7 @@ namespace unfurl::correlate {
 namespace {
 
 // Of the channels, at one offset.
-struct Fit {
+struct OffsetFit {
   double explained = 0.0;  // of the readings' variance, see Explained() [-]
   double covered = 0.0;    // the same of those that the model has something for [-]
   RegistrationFit registration;
@@ -67,10 +67,10 @@ class ChannelAligner {
   }
 
   // From there by least squares, the model asked again until the clock stays.
-  Fit Refine(double offset, bool* settled) const {
+  OffsetFit Refine(double offset, bool* settled) const {
     constexpr int kMaxRounds = 30;     // as of marks: two or three do
     constexpr double kSettled = 1e-3;  // standard errors
-    Fit out;
+    OffsetFit out;
     Registration start = StartAt(offset);
     *settled = false;
     for (int round = 0; round < kMaxRounds && !*settled; ++round) {
@@ -221,7 +221,7 @@ std::vector<double> Candidates(const ChannelAligner& aligner, const Observations
   return out;
 }
 
-void FillCovariance(const Observations& record, Alignment* out) {
+void FillChannelCovariance(const Observations& record, Alignment* out) {
   const Eigen::MatrixXd& J = out->fit.jacobian;
   out->noise = EstimateResidualNoise(record, out->fit.residual, 1.0);
   if (J.cols() == 0) return;
@@ -246,11 +246,11 @@ Alignment AlignChannels(const Observations& record, const SampledModel& model,
     return out;
   }
   const std::vector<double> candidates = Candidates(aligner, record, model, options);
-  Fit best;
+  OffsetFit best;
   bool settled = false, found = false;
   for (double offset : candidates) {
     bool here = false;
-    Fit fit = aligner.Refine(offset, &here);
+    OffsetFit fit = aligner.Refine(offset, &here);
     if (fit.registration.data_rows < static_cast<Eigen::Index>(fewest)) continue;
     if (options.search.IsKnown(fit.registration.at.offset)) continue;
     if (found && !(fit.explained > best.explained)) continue;
@@ -276,7 +276,7 @@ Alignment AlignChannels(const Observations& record, const SampledModel& model,
   RegistrationOptions all = WithPlacement(options.registration, record);
   all.with_others = true;
   out.unknowns = NuisanceNames(all, record);
-  FillCovariance(record, &out);
+  FillChannelCovariance(record, &out);
   out.overlap_start = record.Start();
   out.overlap_end = record.End();
   // One history: any two swings look somewhat alike. A known clock leaves nothing to be misled by.

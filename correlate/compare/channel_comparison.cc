@@ -155,7 +155,7 @@ void AddChannelReasons(Comparison* c) {
   }
 }
 
-void Judge(Comparison* c) {
+void JudgeChannels(Comparison* c) {
   const ComparedScore* worst = nullptr;
   for (const ComparedScore& s : c->scores) {
     if (std::isfinite(s.score.r2) && (worst == nullptr || s.score.r2 < worst->score.r2)) worst = &s;
@@ -338,7 +338,7 @@ void CompareInstruments(const SampledModel& reference, const QuantityTimes& stam
     AddSignal(*channel, shown, stamps.at(channel->record().quantity), clocks, c);
   }
   Measure(options, c);
-  Judge(c);
+  JudgeChannels(c);
   AddChannelReasons(c);
   for (std::string& words : GrossWords(c->observations, gross)) {
     c->reasons.push_back(std::move(words));

@@ -192,7 +192,7 @@ void AddReservations(Comparison* c) {
   }
 }
 
-void Judge(Comparison* c) {
+void JudgeMarks(Comparison* c) {
   c->verdict = VerdictOf(*c);
   AddErrorReasons(c);
   for (const Explanation& one : c->explanations) c->reasons.push_back(one.words);
@@ -278,7 +278,7 @@ void CompareWith(const SampledModel& reference, const ComparisonOptions& options
   FillScores(c);
   FillSpectra(options, c);
   FillModes(options, c);
-  Judge(c);
+  JudgeMarks(c);
 }
 
 }  // namespace unfurl::correlate

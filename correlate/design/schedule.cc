@@ -18,9 +18,9 @@ using Cycle = std::vector<int>;
 constexpr double kAll = 3000.0;
 constexpr int kStarts = 6;  // at random, beside the cycle as it is and one for each mark
 
-class Search {
+class SlotSearch {
  public:
-  explicit Search(const ScheduleSearch& search) : search_(search) {
+  explicit SlotSearch(const ScheduleSearch& search) : search_(search) {
     for (std::size_t s = 0; s < search.now.size(); ++s) {
       if (search.now[s] >= 0) free_.push_back(s);
     }
@@ -138,7 +138,7 @@ class Search {
 }  // namespace
 
 std::vector<int> FindSchedule(const ScheduleSearch& asked) {
-  Search search(asked);
+  SlotSearch search(asked);
   if (search.Number() <= kAll) {
     search.LookAtAll();
   } else {

@@ -18,7 +18,7 @@ constexpr std::array<double, 8> kWeights = {-5.0 / 2048,   49.0 / 2048,   -245.0
                                             49.0 / 2048,   -5.0 / 2048};
 constexpr std::size_t kPoints = kWeights.size();
 // Of the points from the sample, in steps.
-double Place(std::size_t k) { return static_cast<double>(k) - 3.5; }
+double PlaceAmong(std::size_t k) { return static_cast<double>(k) - 3.5; }
 
 // Of one sample, summed over axes.
 struct Sample {
@@ -34,14 +34,14 @@ void Add(double at, const std::array<double, kPoints>& about, Sample* s) {
   for (std::size_t k = 0; k < kPoints; ++k) {
     missed -= kWeights[k] * about[k];
     mean += about[k];
-    slope += Place(k) * about[k];
-    spread += Place(k) * Place(k);
+    slope += PlaceAmong(k) * about[k];
+    spread += PlaceAmong(k) * PlaceAmong(k);
   }
   mean /= kPoints + 1.0;
   slope /= spread;
   double varies = (at - mean) * (at - mean);
   for (std::size_t k = 0; k < kPoints; ++k) {
-    const double off = about[k] - mean - slope * Place(k);
+    const double off = about[k] - mean - slope * PlaceAmong(k);
     varies += off * off;
   }
   s->known = true;
@@ -64,12 +64,12 @@ std::vector<Sample> OfMark(const MarkSeries& mark, const std::vector<double>& t,
   const double step = MedianStep(t);
   for (std::size_t i = 0; i < t.size(); ++i) {
     const auto c = static_cast<Eigen::Index>(i);
-    if (t[i] + Place(kPoints - 1) * step > finer.back()) continue;
+    if (t[i] + PlaceAmong(kPoints - 1) * step > finer.back()) continue;
     if (!own.known.empty() && own.known[i] == 0) continue;
     std::array<Eigen::Index, kPoints> where{};
     bool known = true;
     for (std::size_t k = 0; k < kPoints; ++k) {
-      where[k] = Find(finer, t[i] + Place(k) * step);
+      where[k] = Find(finer, t[i] + PlaceAmong(k) * step);
       known = known &&
               (between.known.empty() || between.known[static_cast<std::size_t>(where[k])] != 0);
     }
@@ -105,7 +105,7 @@ std::vector<Sample> OfKind(const ResidualKind& kind, const RowSeries& series,
   const Eigen::VectorXd here = Shifted(kind, numbers, clocks, own, 0.0);
   std::array<Eigen::VectorXd, kPoints> there;
   for (std::size_t k = 0; k < kPoints; ++k) {
-    there[k] = Shifted(kind, numbers, clocks, own, Place(k) * step);
+    there[k] = Shifted(kind, numbers, clocks, own, PlaceAmong(k) * step);
   }
   for (std::size_t i = 0; i < series.size(); ++i) {
     bool known = series.Known(here, i);
@@ -162,7 +162,7 @@ Stamps StampsBetween(const Stamps& stamps) {
     std::vector<double> finer;
     for (const double at : t) {
       for (std::size_t k = 0; k < kPoints; ++k) {
-        if (at + Place(k) * step <= last) finer.push_back(at + Place(k) * step);
+        if (at + PlaceAmong(k) * step <= last) finer.push_back(at + PlaceAmong(k) * step);
       }
     }
     std::sort(finer.begin(), finer.end());

@@ -69,7 +69,7 @@ struct ErrorShift {
   }
 };
 
-double Rms(const std::vector<Eigen::Matrix3Xd>& tracks) {
+double RmsOfTracks(const std::vector<Eigen::Matrix3Xd>& tracks) {
   double sum = 0.0, n = 0.0;
   for (const auto& t : tracks) sum += t.squaredNorm(), n += static_cast<double>(t.cols());
   return n > 0.0 ? std::sqrt(sum / n) : 0.0;
@@ -160,7 +160,7 @@ ModelPart PartOfModel(const ModelPartInput& in, const Eigen::MatrixXd& from_data
     const ErrorShift found = shift(trial.model_error);
     error.Add(found);
     out.rows.segment(b.row, b.rows) = found.rows.col(0);
-    trial.model_error_rms = Rms(trial.model_error.marks);
+    trial.model_error_rms = RmsOfTracks(trial.model_error.marks);
     trial.model_error_sigmas =
         std::sqrt(found.rows.squaredNorm() /
                   std::max(1.0, static_cast<double>(trial.registration.data_rows)));

@@ -24,10 +24,11 @@ constexpr double kSlow = 0.3;
 constexpr int kMostUnsuccessful = 2;
 // Standard errors: a step below it that does not lead down is the model's own roughness, as in the
 // solver.
-constexpr double kRough = 1.0;
-// Of what the corrected rung itself changes by over a step below kRough: as much may be the finest
-// rung's roughness, and a slope made of that, across the data as it is, shortens a standard error
-// by 1 - 1 / sqrt(1 + 0.5^2), a tenth; all of it, by a third, and the next step then looks longer.
+constexpr double kRoughStep = 1.0;
+// Of what the corrected rung itself changes by over a step below kRoughStep: as much may be the
+// finest rung's roughness, and a slope made of that, across the data as it is, shortens a standard
+// error by 1 - 1 / sqrt(1 + 0.5^2), a tenth; all of it, by a third, and the next step then looks
+// longer.
 constexpr double kTold = 0.5;
 
 Eigen::VectorXd Point(const StageRunner& runner) {
@@ -173,7 +174,7 @@ bool Ladder::FirstLook(StageRunner& runner, const std::vector<const Observations
   Answers coarse;
   LadderRound& round = AddRound(runner);
   if (std::isfinite(step)) round.step = step;
-  if (!Ask(runner, step < kRough, &coarse, &fine_)) return false;
+  if (!Ask(runner, step < kRoughStep, &coarse, &fine_)) return false;
   ReducedProblem::Point point;
   runner.reduced().CostOf(runner.u(), fine_, &point);
   round.fine_cost = point.cost;
@@ -200,7 +201,7 @@ Ladder::Way Ladder::Advance(StageRunner& runner, double step, double contraction
   round.step = step;
   round.contraction = contraction;
   Answers coarse, fine;
-  if (!Ask(runner, step < kRough, &coarse, &fine)) {
+  if (!Ask(runner, step < kRoughStep, &coarse, &fine)) {
     round.counted = false;
     Note(fmt::format("{} failed on the way: {}", result_.names[top_], failure_));
     return Way::kFineFailed;
@@ -215,7 +216,7 @@ Ladder::Way Ladder::Advance(StageRunner& runner, double step, double contraction
   // 2. The slope where the way is slow, or the step was wrong.
   const Correction::Difference difference = DifferenceOf(coarse, fine);
   round.slope = (!round.counted || correction_->has_slope() || contraction > kSlow) &&
-                (step >= kRough || Told(runner, before, here));
+                (step >= kRoughStep || Told(runner, before, here));
   auto next = std::make_shared<Correction>(*correction_);
   if (round.slope) next->Learn(Point(runner), difference, runner.sigma());
   if (round.counted) {
@@ -232,7 +233,7 @@ Ladder::Way Ladder::Advance(StageRunner& runner, double step, double contraction
   if (round.slope) runner.slopes().Age();
   if (round.counted && !EventsAgree(coarse, fine)) return Way::kUp;
   if (*unsuccessful < kMostUnsuccessful) return Way::kOn;
-  if (step < kRough) {
+  if (step < kRoughStep) {
     Note(
         fmt::format("settled to {:.2g} standard errors: what is smaller does not lower the cost "
                     "of {}, whose own roughness it is",
@@ -265,7 +266,7 @@ Ladder::Way Ladder::Rounds(StageRunner& runner, const std::vector<const Observat
       bool verify;
     };
     const double within = options_.step_tolerance;
-    for (const Ending& end : {Ending{std::max(within, kLeadingTolerance), kRough, false},
+    for (const Ending& end : {Ending{std::max(within, kLeadingTolerance), kRoughStep, false},
                               Ending{within, within, false}, Ending{within, within, true}}) {
       if (end.verify && runner.slopes().fresh()) break;
       if (!runner.SolveHere(what, end.tolerance, end.verify)) return Way::kModelFailed;

@@ -35,11 +35,11 @@ double OffsetSigma(const Observations& o, const RegistrationOptions& options,
   return 0.0;
 }
 
-using Neighbours = std::array<std::optional<Alignment>, 2>;  // by side
+using ClockNeighbours = std::array<std::optional<Alignment>, 2>;  // by side
 
 // The best place to either side of where a trial lies.
-Neighbours NeighboursOf(const Observations& o, const SampledModel& model, AlignOptions options,
-                        const RegistrationFit& at) {
+ClockNeighbours NeighboursOf(const Observations& o, const SampledModel& model, AlignOptions options,
+                             const RegistrationFit& at) {
   // Nearer than half a step, or than ten standard errors (none in 1e22 lies beyond), is no other
   // place: a motion that a record shows does not repeat itself within two of its steps.
   constexpr double kSteps = 0.5, kSigmas = 10.0;
@@ -47,7 +47,7 @@ Neighbours NeighboursOf(const Observations& o, const SampledModel& model, AlignO
   options.search.known = {offset};
   options.search.near =
       std::max(kSteps * o.ShortestStep(), kSigmas * OffsetSigma(o, options.registration, at));
-  Neighbours out;
+  ClockNeighbours out;
   for (const Side side : kSides) {
     AlignOptions there = options;
     (side == kLater ? there.search.low : there.search.high) = offset;
@@ -99,7 +99,7 @@ std::vector<Candidate> OtherPlaces(const FitProblem& problem, const FitOptions& 
     stamps.push_back(AlignmentGrid(o, whole));
   }
   const std::vector<Evaluator::Answer> answers = evaluator.EvaluateAt(requests, stamps);
-  std::vector<Neighbours> found(problem.trials.size());
+  std::vector<ClockNeighbours> found(problem.trials.size());
   for (std::size_t i = 0; i < requests.size(); ++i) {
     if (answers[i]->status != ModelStatus::kGood) continue;
     const std::size_t t = requests[i].trial;

@@ -8,13 +8,13 @@ namespace unfurl::correlate {
 namespace {
 
 // The model to either side of the means in one parameter.
-struct Side {
+struct TrialSide {
   Prediction up, down;
   double width = 0.0;  // between them, in the coordinate that the solver moves
 };
 
 // Of the second difference of all marks [m^2].
-double SquaredBend(const Side& side, const Prediction& middle) {
+double SquaredBend(const TrialSide& side, const Prediction& middle) {
   double sum = 0.0;
   for (std::size_t m = 0; m < middle.marks.size(); ++m) {
     sum += (side.up.marks[m].p + side.down.marks[m].p - 2.0 * middle.marks[m].p).squaredNorm();
@@ -38,7 +38,7 @@ NextTrial PredictNext(const Model& model, const std::vector<Parameter>& paramete
     return answer;
   };
   const Prediction middle = evaluate(u);
-  std::vector<Side> sides(p);
+  std::vector<TrialSide> sides(p);
   double bend = 0.0;
   for (std::size_t j = 0; j < p && out.failure.empty(); ++j) {
     const Interval& next = hierarchy.parameters()[j].next95;
@@ -60,7 +60,7 @@ NextTrial PredictNext(const Model& model, const std::vector<Parameter>& paramete
     Eigen::VectorXd direction(u.size());
     for (Eigen::Index k = 0; k < at.size(); ++k) {
       for (std::size_t j = 0; j < p; ++j) {
-        const Side& s = sides[j];
+        const TrialSide& s = sides[j];
         direction(static_cast<Eigen::Index>(j)) =
             s.width > 0.0 ? (s.up.marks[m].p(k) - s.down.marks[m].p(k)) / s.width : 0.0;
       }

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numbers>
 
 #include "base/count.h"
 #include "base/refuse_option.h"
@@ -13,6 +12,7 @@
 #include "correlate/modes/ambient_judges.h"
 #include "correlate/modes/ambient_poles.h"
 #include "correlate/modes/subspace.h"
+#include "correlate/modes/turn.h"
 
 namespace unfurl::correlate {
 
@@ -20,7 +20,6 @@ namespace {
 
 using Complex = std::complex<double>;
 
-constexpr double kTau = 2.0 * std::numbers::pi;  // [rad]
 // A part of the band, at its own rate.
 struct Part {
   JointSignals joint;
@@ -162,8 +161,8 @@ double AmbientEvidenceAsked(std::size_t references, double chance) {
 }
 
 // Poles of the highest order that swing all through the record, whether they became modes or not.
-void LeftOut(const Subspace& subspace, Eigen::Index order, const Part& part,
-             const LagCovariances& covariances, double asked, AmbientFit* fit) {
+void CountLeftOut(const Subspace& subspace, Eigen::Index order, const Part& part,
+                  const LagCovariances& covariances, double asked, AmbientFit* fit) {
   for (const SubspacePole& pole : subspace.Poles(order)) {
     AmbientSwing swing;
     swing.frequency = std::abs(pole.pole) / kTau;
@@ -204,7 +203,8 @@ void Search(const Part& part, const AmbientOptions& options, AmbientFit* fit) {
     if (m.mode.evidence < asked || m.mode.damping < -sure * m.mode.damping_sigma) continue;
     fit->modes.push_back(std::move(m));
   }
-  LeftOut(subspace, 2 * static_cast<Eigen::Index>(diagram.size()), part, covariances, asked, fit);
+  CountLeftOut(subspace, 2 * static_cast<Eigen::Index>(diagram.size()), part, covariances, asked,
+               fit);
   for (const auto& row : diagram) {
     for (const StableMode& c : row) fit->poles.push_back(c.seen);
   }

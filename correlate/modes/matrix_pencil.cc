@@ -14,8 +14,9 @@ namespace {
 
 using Complex = std::complex<double>;
 
-constexpr double kLongest = 1200.0;  // samples a stretch: the eigenproblem has a third of them
-constexpr double kPass = 0.4;        // of the new rate: what the filter lets through unharmed
+constexpr double kLongestRecord =
+    1200.0;                    // samples a stretch: the eigenproblem has a third of them
+constexpr double kPass = 0.4;  // of the new rate: what the filter lets through unharmed
 
 std::vector<double> WithoutTrend(const DecaySignal& s, int degree) {
   const auto n = static_cast<Eigen::Index>(s.t.size());
@@ -153,7 +154,7 @@ EvenSignals OnEvenGrid(std::span<const DecaySignal> signals, int trend, double h
     longest = std::max(longest, s.t.back() - s.t.front());
   }
   if (!(out.step > 0.0)) return out;
-  double factor = std::ceil(longest / out.step / kLongest);
+  double factor = std::ceil(longest / out.step / kLongestRecord);
   if (std::isfinite(high)) {
     // No coarser than the band allows; as coarse as it allows, since slow poles then lie apart.
     factor = std::max(1.0, std::floor(kPass / (high * out.step)));

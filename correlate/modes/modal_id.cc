@@ -5,19 +5,17 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numbers>
 
 #include "base/statistics.h"
 #include "correlate/modes/decay_information.h"
 #include "correlate/modes/matrix_pencil.h"
+#include "correlate/modes/turn.h"
 
 namespace unfurl::correlate {
 
 namespace {
 
 using Complex = std::complex<double>;
-
-constexpr double kTau = 2.0 * std::numbers::pi;  // [rad]
 
 struct ModeCandidate {
   StabilisationPole pole;

@@ -3,17 +3,15 @@
 #include <algorithm>
 #include <cmath>
 #include <complex>
-#include <numbers>
 
 #include "base/dense.h"
+#include "correlate/modes/turn.h"
 #include "correlate/spectra/fft.h"
 #include "correlate/window.h"
 
 namespace unfurl::correlate {
 
 namespace {
-
-constexpr double kTau = 2.0 * std::numbers::pi;  // [rad]
 
 const JointSignals::Stretch& Longest(const JointSignals& joint) {
   return *std::max_element(

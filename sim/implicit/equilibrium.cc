@@ -17,7 +17,7 @@ constexpr int kEquilibriumMostIterations = 2000;  // steps, of which a far start
 // longest, beside which masses do not count, so that it is Newton's.
 constexpr double kEquilibriumFirstStep = 0.02, kLongestStep = 1e4;
 constexpr double kLongestTurn = 0.3;  // of an angle in one step [rad], lengths alike
-constexpr double kStill = 1e-13;      // of a step's move, of the length scale
+constexpr double kStillStep = 1e-13;  // of a step's move, of the length scale
 // A step is solved by Newton's iterations. Turns upset what is stiff by their square, and these put
 // that right; a step whose moves do not fall by half each time is too long.
 constexpr int kMostCorrections = 6;
@@ -73,7 +73,7 @@ class Search {
       if (!std::isfinite(report.acceleration)) return report;
       std::copy_n(y, model_.index.size(), from_.begin());
       const double change = Step(step * step, acceleration, y);
-      if ((moved_ < kStill && change > 0.0) || rounded_) {
+      if ((moved_ < kStillStep && change > 0.0) || rounded_) {
         report.found = true;
         break;
       }
@@ -98,7 +98,7 @@ class Search {
     system_.Solve(x_.data(), drift_.data());
     double last = moved_ = LargestOf(model_, system_, x_.data());
     if (!std::isfinite(last) || last > kLongestTurn) return 0.0;
-    if (last < kStill) return 1.0;
+    if (last < kStillStep) return 1.0;
     const double turned = Turned();
     if (!(turned > 0.0) || turned > kWild) return 0.0;
     Add(y);

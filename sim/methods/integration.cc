@@ -67,7 +67,7 @@ Integration::Integration(const Model& model, const SimulateOptions& options, Obs
       sample_(model.index.size(), 0.0),
       scratch_(model.index.size(), 0.0),
       way_(model.index.size(), 0.0),
-      end_(options.duration > 0.0 ? options.duration : model.duration),
+      end_(DurationOf(options, model)),
       edges_(model, end_),
       functions_(model, end_, options.rtol, options.max_step),
       tables_(model, options.rtol),

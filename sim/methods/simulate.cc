@@ -52,6 +52,10 @@ bool IsNotNegative(double v) { return v >= 0.0 && std::isfinite(v); }
 
 }  // namespace
 
+double DurationOf(const SimulateOptions& options, const Model& model) {
+  return options.duration > 0.0 ? options.duration : model.duration;
+}
+
 double UsualRate(double duration) {
   constexpr double kUsual = 1000.0;    // [1/s]: tenfold what a deployment of seconds rings with
   constexpr double kSamples = 1000.0;  // as many as a chart has columns
@@ -179,7 +183,7 @@ MarkTracks SimulateMarks(const Model& model, SimulateOptions options) {
   options.Check();
   options.track_energy = options.track_forces = false;
   MarkTracks tracks;
-  const double duration = options.duration > 0.0 ? options.duration : model.duration;
+  const double duration = DurationOf(options, model);
   MarkCollector collector(model, &tracks, static_cast<std::size_t>(duration * options.rate) + 2);
   tracks.report = Simulate(model, options, &collector);
   return tracks;

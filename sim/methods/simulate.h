@@ -55,6 +55,9 @@ struct SimulateOptions {
 /// many; 1e7 at most [1/s].
 double UsualRate(double duration);
 
+/// How long a run is: as the options say, or the model where they say nothing [s].
+double DurationOf(const SimulateOptions& options, const Model& model);
+
 // A step that was taken, as far as it was: the motion within it, by the method's dense output.
 class StepMotion {
  public:

@@ -7,7 +7,7 @@
 namespace unfurl::sim {
 namespace {
 
-constexpr double kWorthAWord = 0.005;  // of the run: a percent, rounded; lost trials are less
+constexpr double kWorthSaying = 0.005;  // of the run: a percent, rounded; lost trials are less
 
 }  // namespace
 
@@ -58,7 +58,7 @@ std::string StepperSet::Description(Role begun_with) const {
   for (const double time : time_) all += time;
   std::string text = steppers_[begun_with]->Description();
   for (int role = 0; role < kRoles; ++role) {
-    if (role == begun_with || role == kPartitioned || !(time_[role] > kWorthAWord * all)) continue;
+    if (role == begun_with || role == kPartitioned || !(time_[role] > kWorthSaying * all)) continue;
     text += fmt::format("; {} for {:.0f}% of the time, where it is faster", steppers_[role]->name(),
                         100.0 * time_[role] / all);
   }

@@ -37,10 +37,6 @@ double RichardsonFactor(double own, double other, double power) {
   return 1.0 / std::fabs(1.0 - std::pow(own / other, power));
 }
 
-double DurationOf(const SimulateOptions& options, const Model& model) {
-  return options.duration > 0.0 ? options.duration : model.duration;
-}
-
 // The longest step, or the usual one between edges where these are closer [s].
 double UsualLongestStep(const SimulateOptions& options, const Model& model) {
   const double duration = DurationOf(options, model);

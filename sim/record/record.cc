@@ -51,10 +51,6 @@ SimulateOptions OptionsFor(const RecordOptions& options) {
   return options.simulate.value_or(SimulateOptions());
 }
 
-double DurationOf(const SimulateOptions& options, const Model& model) {
-  return options.duration > 0.0 ? options.duration : model.duration;
-}
-
 double ShapeRateOf(const RecordOptions& options, const SimulateOptions& simulate,
                    const Model& model) {
   constexpr double kUsual = 50.0, kPictures = 200.0;  // [1/s]; of a run, eight seconds of a film
