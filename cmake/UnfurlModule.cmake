@@ -55,7 +55,7 @@ function(unfurl_harden target)
 endfunction()
 
 # With UNFURL_UNITY the sources of a room are compiled some together, so that headers are read and templates made once
-# for all of them: `largest` at most to a group, more or less, by g++; by clang, which then takes a third less, a room or
+# for all of them: `largest` at most to a group, more or less, by g++; by clang, which then takes a fifth less, a room or
 # a program in one (decision 304). Which go together hangs on their names alone: a new file does not shift the others.
 # Hot files have options of their own and stay alone.
 function(unfurl_unity target largest)
