@@ -57,7 +57,7 @@ endfunction()
 # With UNFURL_UNITY the sources of a room are compiled some together, so that headers are read and templates made once
 # for all of them: `largest` at most to a group, more or less, by g++; by clang, which then takes a fifth less, a room or
 # a program in one (decision 304). Which go together hangs on their names alone: a new file does not shift the others.
-# Hot files have options of their own and stay alone.
+# Hot files have options of their own and stay alone. A third argument: so many groups at least.
 function(unfurl_unity target largest)
   if(CMAKE_CXX_COMPILER_ID MATCHES Clang)
     math(EXPR largest "8 * ${largest}")  # more than any of them has
@@ -66,6 +66,10 @@ function(unfurl_unity target largest)
   get_target_property(folder ${target} SOURCE_DIR)
   list(LENGTH sources count)
   set(groups 1)  # seldom another number of them
+  if(ARGC GREATER 2)
+    set(groups ${ARGV2})
+    math(EXPR count "(${count} + ${groups} - 1) / ${groups}")
+  endif()
   while(count GREATER largest)
     math(EXPR groups "2 * ${groups}")
     math(EXPR count "(${count} + 1) / 2")
