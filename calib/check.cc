@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
 #include <map>
 
 #include "base/dense.h"
@@ -24,8 +23,6 @@
 
 namespace unfurl::calib {
 namespace {
-
-constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 
 double CommonVariance(const Observations& data, Eigen::Index point) {
   double sum = 0.0;
@@ -85,7 +82,7 @@ void CheckEachPoint(const Observations& data, const std::vector<Found>& found,
   RmsOfErrors all;
   for (int i = 0; i < data.points(); ++i) {
     const auto point = static_cast<std::size_t>(i);
-    CheckedPoint checked{data.ids[point], kNone, kNone};
+    CheckedPoint checked{data.ids[point], kUnknown, kUnknown};
     if (found[point].solution.outcome == measure::PointOutcome::kSolved) {
       checked.at = found[point].solution.p;
       checked.error = (found[point].solution.p - data.p.col(i)).stableNorm();
@@ -105,7 +102,7 @@ void CheckEachLength(const Observations& data, const std::vector<Found>& found, 
   RmsOfErrors all;
   for (std::size_t a = 0; a + 1 < found.size(); a += 2) {
     const std::size_t b = a + 1;
-    CheckedPoint checked{data.ids[a] + " to " + data.ids[b], kNone, kNone};
+    CheckedPoint checked{data.ids[a] + " to " + data.ids[b], kUnknown, kUnknown};
     if (found[a].solution.outcome == measure::PointOutcome::kSolved &&
         found[b].solution.outcome == measure::PointOutcome::kSolved) {
       const Eigen::Vector3d along = found[b].solution.p - found[a].solution.p;
@@ -350,7 +347,7 @@ CheckResult CheckBar(const data::Rig& rig, const Observations& data, const Bar& 
   RefuseCopiedRows(PlacementRows(data), where);
   const measure::Triangulator triangulator = CheckTriangulator(rig);
   const std::vector<Found> found = FindPoints(triangulator, data, match);
-  Eigen::Matrix3Xd start = Eigen::Matrix3Xd::Constant(3, data.points(), kNone);
+  Eigen::Matrix3Xd start = Eigen::Matrix3Xd::Constant(3, data.points(), kUnknown);
   for (Eigen::Index i = 0; i < start.cols(); ++i) {
     // Where planes meet at a small angle, too: the bar's other end and its length hold it.
     const measure::PointSolution& solution = found[static_cast<std::size_t>(i)].solution;

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "base/dense.h"
 #include "base/error.h"
@@ -16,8 +15,6 @@
 
 namespace unfurl::calib {
 namespace {
-
-constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 
 // Of a camera's parameters, those of the lens that are free.
 std::vector<Eigen::Index> FreeOf(const Eigen::MatrixXd& covariance) {

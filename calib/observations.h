@@ -1,12 +1,16 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <limits>
 #include <string>
 #include <vector>
 
 #include "data/survey.h"
 
 namespace unfurl::calib {
+
+// A reading, a place or an error of which nothing is known.
+inline constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 
 // One number that one camera gave for one surveyed point.
 struct Reading {

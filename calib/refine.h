@@ -10,8 +10,8 @@
 
 namespace unfurl::calib {
 
-inline constexpr double kFewRedundant =
-    8.0;                                  // readings' worth; less, and a camera shares its floor
+// Of surveys and waves alike. Readings' worth; with less a camera shares its floor.
+inline constexpr double kFewRedundant = 8.0;
 inline constexpr double kSettled = 0.02;  // change of a variance that no longer matters [-]
 inline constexpr double kRough = 1e-7;    // of the cost, until nothing else changes [-]
 

@@ -21,8 +21,8 @@ namespace unfurl::calib {
 namespace {
 
 constexpr Eigen::Index kPartRigid = 6, kPartSeven = 7;  // unknowns of one: motion; and its scale
-constexpr double kFoundScaleChance =
-    0.01;  // below: it is the scale that a found part is off by [-]
+// Below: it is the scale that a found part is off by [-].
+constexpr double kFoundScaleChance = 0.01;
 // Of a survey that does not say from where it was measured: that a part of it is off [-].
 constexpr double kPartProbability = 0.5;
 // By how much then, each unknown, in sigmas of a point: less harms nothing, and more is found [-].

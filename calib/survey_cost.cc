@@ -25,8 +25,6 @@ namespace unfurl::calib {
 
 namespace {
 
-constexpr double kUnseen = std::numeric_limits<double>::quiet_NaN();
-
 class Study {
  public:
   Study(const data::Rig& rig, const SurveyCostOptions& options)
@@ -82,7 +80,7 @@ class Study {
       if (!std::isfinite(truth_.sigma[cell]) || !std::isfinite(map.sigma[cell])) continue;
       const Eigen::Vector3d p = map.Middle(cell);
       for (std::size_t c = 0; c < cameras; ++c) {
-        u[c] = kUnseen;
+        u[c] = kUnknown;
         if (sees_(c, p)) measure::Project(rig_.cameras[c], p, &u[c]);
       }
       const measure::PointSolution point = triangulator.Solve(u, s, p);
@@ -109,7 +107,7 @@ class Study {
       squares += sigma * sigma;
       n += 1.0;
     }
-    return n > 0.0 ? std::sqrt(squares / n) : kUnseen;
+    return n > 0.0 ? std::sqrt(squares / n) : kUnknown;
   }
 
   // By points, with terms `order` of the lens.

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <numeric>
 #include <optional>
 #include <string>
@@ -21,17 +20,16 @@
 namespace unfurl::calib {
 namespace {
 
-constexpr double kNotYet = std::numeric_limits<double>::quiet_NaN();
 constexpr double kNominal = 0.03;  // of the row: a camera that stands about where it was meant to
 // Planes that meet at a small angle give poor marks, which is the bundle's affair: it has the bars.
 constexpr double kAnyCondition = 1e4;
 constexpr int kMoreStarts = 4;  // times as many in each round, so that all rounds cost as the last
-constexpr int kWholeRounds =
-    2;  // of marks from cameras and cameras from marks, once all cameras are in
+// Of marks from cameras and cameras from marks, once all cameras are in.
+constexpr int kWholeRounds = 2;
 
 // Readings less the row's middle, over the row: c x (n m); NaN: not seen.
 Eigen::MatrixXd Normalised(const WandData& data, const Observations& marks) {
-  Eigen::MatrixXd out = Eigen::MatrixXd::Constant(data.camera_count(), marks.points(), kNotYet);
+  Eigen::MatrixXd out = Eigen::MatrixXd::Constant(data.camera_count(), marks.points(), kUnknown);
   for (const Reading& r : marks.readings) {
     const double row = marks.RowOf(r.camera);
     out(r.camera, r.point) = (r.u_px - 0.5 * (row - 1.0)) / row;
@@ -167,7 +165,7 @@ Eigen::Matrix3Xd LocateMarks(const Observations& marks, const std::vector<data::
     rig.volume_high(k) = Quantile(values, 1.0 - kTail);
   }
   const measure::Triangulator triangulator(rig, {.max_condition = kAnyCondition});
-  Eigen::Matrix3Xd out = Eigen::Matrix3Xd::Constant(3, marks.points(), kNotYet);
+  Eigen::Matrix3Xd out = Eigen::Matrix3Xd::Constant(3, marks.points(), kUnknown);
   std::vector<int> of(marks.cameras.size(), -1);
   for (std::size_t j = 0; j < number.size(); ++j) {
     of[static_cast<std::size_t>(number[j])] = static_cast<int>(j);
@@ -175,7 +173,7 @@ Eigen::Matrix3Xd LocateMarks(const Observations& marks, const std::vector<data::
   std::vector<double> u(cameras.size()), s(cameras.size(), 0.0);
   std::size_t k = 0;
   for (int i = 0; i < marks.points(); ++i) {
-    std::fill(u.begin(), u.end(), kNotYet);
+    std::fill(u.begin(), u.end(), kUnknown);
     for (; k < marks.readings.size() && marks.readings[k].point == i; ++k) {
       const Reading& r = marks.readings[k];
       const int j = of[static_cast<std::size_t>(r.camera)];
@@ -280,7 +278,7 @@ struct GuessTask {
 
   // Marks from three pinholes, all cameras from the marks, and what the caller makes of them.
   bool Follow(const Triple& few, const TriplePinholes& pinholes) {
-    Eigen::Matrix3Xd p = Eigen::Matrix3Xd::Constant(3, marks.points(), kNotYet);
+    Eigen::Matrix3Xd p = Eigen::Matrix3Xd::Constant(3, marks.points(), kUnknown);
     for (int i = 0; i < marks.points(); ++i) {
       Eigen::Vector3d at;
       const Eigen::Vector3d reading = u.col(i)(few.camera);

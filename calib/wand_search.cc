@@ -22,8 +22,8 @@ namespace {
 constexpr int kRobustRounds = 8;  // a floor halves or doubles in each
 constexpr double kEnough = 3.0;   // of the readings' sigma: no other start would do much better
 constexpr double kNowhere = std::numeric_limits<double>::infinity();
-constexpr int kTried =
-    2;  // rounds after which cameras that miss by kFarOff as much are on no good way
+// Rounds after which cameras that miss by kFarOff as much are on no good way.
+constexpr int kTried = 2;
 constexpr double kFarOff = 10.0;     // of kEnough
 constexpr double kOtherShape = 5.0;  // of the predicted error of distances: not by chance the same
 

@@ -14,8 +14,8 @@ namespace unfurl::measure {
 
 namespace {
 
-constexpr std::size_t kMostCounted =
-    500;  // flashes: what stays the same for a while is in few as well
+// Flashes: what stays the same for a while is in few as well.
+constexpr std::size_t kMostCounted = 500;
 // Of what the calibration's errors may do over all flashes, in sigmas squared [-]: less is nothing.
 constexpr double kNothing = 1e-2;
 constexpr int kHalvings = 8;  // of the loss at which a flash counts half: from all to the good ones

@@ -12,6 +12,8 @@
 
 namespace unfurl::measure {
 
+inline constexpr double kFewestNumbers = 8.0;  // of fewer a median is no scale
+
 // Three flashes of a mark in a row, as numbers that its place does not change.
 struct FlashTriple {
   Triple differs;             // the middle one less the line through the others'

@@ -19,8 +19,7 @@ namespace {
 
 // Numbers that are looked at together: their covariance has the square of it.
 constexpr std::size_t kMostNumbers = 300;
-constexpr double kFewestNumbers = 8.0;  // of fewer a median is no scale
-constexpr double kRowLeftOut = 1e-3;    // chance that a sound row is taken for a wild one [-]
+constexpr double kRowLeftOut = 1e-3;  // chance that a sound row is taken for a wild one [-]
 // Over which the model's own error changes, of the volume's diagonal [-]: terms of a lens reach the
 // seventh degree, and what they leave has about eight half waves over a row.
 constexpr double kAlike = 1.0 / 8.0;

@@ -24,7 +24,6 @@ namespace unfurl::measure {
 namespace {
 
 constexpr std::size_t kMostTriples = 3000;  // the factor's error is then below 2%
-constexpr double kFewestScattered = 8.0;    // of fewer a median is no scale
 constexpr double kTogetherChance = 0.01;    // that sound readings are taken for a motion of marks
 constexpr const char* kShakes = "it shakes between its flashes";
 
@@ -83,7 +82,7 @@ void CheckByPlaces(const std::vector<Triple>& triples, CourseScatter* course) {
     numbers += course->numbers[c];
   }
   const Sums sums = Components(triples, none, none.size()).Collect(square, square);
-  if (sums.numbers < kFewestScattered) return;
+  if (sums.numbers < kFewestNumbers) return;
   constexpr double kSure = 3.0;  // sigmas
   const double hidden = kSure * std::sqrt(2.0 / sums.numbers + 2.0 / numbers);
   if (sums.chi_square / sums.numbers < 1.0 - hidden) course->unknown = kShakes;
@@ -233,7 +232,7 @@ ScatterReport FindScatter(const HealthEvidence& evidence, const Triangulator& tr
     out.wrong = WrongIn(readings, courses);
     TellUntold(courses, triples, &out);
     const ScatterData data = Gather(courses, triples, cameras);
-    if (data.redundant + data.in_time < kFewestScattered) {
+    if (data.redundant + data.in_time < kFewestNumbers) {
       out.unknown = WhyUnknown(out, cameras);
       return out;
     }

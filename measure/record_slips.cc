@@ -20,8 +20,8 @@ namespace {
 constexpr double kPlainly = 0.05;
 // Of the row: below, a camera may have moved by as much [-].
 constexpr double kLeastMisfit = 0.01;
-constexpr std::size_t kFewestFlashes =
-    8;  // flashes: their median is then no matter of some reflections
+// Their median is then no matter of some reflections.
+constexpr std::size_t kFewestFlashes = 8;
 constexpr std::size_t kRecordSlipsMost = 256;  // flashes that are tried; more tell nothing new
 
 // Camera c reads what is named camera `of[c]`, from the other end of its row where bit c is set.

@@ -2,20 +2,18 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
 #include "correlate/modes/modal_id.h"
+#include "correlate/modes/turn.h"
 
 namespace unfurl::correlate {
 
 namespace {
 
-constexpr double kTurn = 2.0 * std::numbers::pi;  // [rad]
-
 StabilisationPole Seen(const SubspacePole& p) {
   StabilisationPole out;
   out.order = p.order;
-  out.frequency = std::abs(p.pole) / kTurn;
+  out.frequency = std::abs(p.pole) / kTau;
   out.damping = -p.pole.real() / std::abs(p.pole);
   return out;
 }

@@ -4,12 +4,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
 #include "base/count.h"
 #include "base/dense.h"
 #include "correlate/fit/autocorrelation.h"
 #include "correlate/modes/decay_problem.h"
+#include "correlate/modes/turn.h"
 #include "correlate/sampled_model.h"
 
 namespace unfurl::correlate {
@@ -265,7 +265,6 @@ DecayFit FitDecay(std::span<const DecaySignal> signals, std::span<const Complex>
   const std::vector<Eigen::MatrixXd> own = AmplitudeCovariances(channels, noise);
 
   Eigen::MatrixXd to_modal = Eigen::MatrixXd::Zero(2 * modes, 2 * modes);
-  constexpr double kTau = 2.0 * std::numbers::pi;  // [rad]
   for (Eigen::Index k = 0; k < modes; ++k) {
     const double a = pole(2 * k), w = pole(2 * k + 1), size = std::hypot(a, w);
     Mode mode;

@@ -14,8 +14,8 @@ namespace {
 
 using Complex = std::complex<double>;
 
-constexpr double kLongestRecord =
-    1200.0;                    // samples a stretch: the eigenproblem has a third of them
+// Samples a stretch: the eigenproblem has a third of them.
+constexpr double kLongestRecord = 1200.0;
 constexpr double kPass = 0.4;  // of the new rate: what the filter lets through unharmed
 
 std::vector<double> WithoutTrend(const DecaySignal& s, int degree) {
