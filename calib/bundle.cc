@@ -13,6 +13,7 @@
 #include "base/log_silence.h"
 #include "base/progress.h"
 #include "base/statistics.h"
+#include "calib/block_store.h"
 #include "calib/bundle_camera.h"
 #include "calib/bundle_costs.h"
 #include "calib/common_error.h"
@@ -120,20 +121,22 @@ BundleSummary SolveBundle(const Observations& data, const std::vector<CameraPrio
   ceres::Problem problem(ownership);
 
   const BundleUnits units = UnitsOf(data, *state);
-  std::vector<CameraBlock> blocks;
-  blocks.reserve(state->cameras.size());
-  for (const data::RigCamera& camera : state->cameras) blocks.push_back(Pack(camera, units));
+  BlockStore store(kAmbient * state->cameras.size() + data.common.size());
+  std::vector<double*> blocks;
+  for (const data::RigCamera& camera : state->cameras) {
+    blocks.push_back(store.Add(Pack(camera, units).data(), kAmbient));
+  }
   Eigen::Matrix3Xd points = state->points / units.length;
   auto ordering = std::make_shared<ceres::ParameterBlockOrdering>();
   for (std::size_t j = 0; j < blocks.size(); ++j) {
-    problem.AddParameterBlock(blocks[j].data(), kAmbient, manifolds[j].get());
+    problem.AddParameterBlock(blocks[j], kAmbient, manifolds[j].get());
     problem.AddResidualBlock(MakePriorCost(priors[j], state->cameras[j].pixels, units).release(),
-                             nullptr, blocks[j].data());
-    ordering->AddElementToGroup(blocks[j].data(), 1);
+                             nullptr, blocks[j]);
+    ordering->AddElementToGroup(blocks[j], 1);
   }
   state->common.conservativeResizeLike(
       Eigen::VectorXd::Zero(static_cast<Eigen::Index>(data.common.size())));
-  double* common = state->common.data();
+  double* common = store.Add(state->common.data(), data.common.size());
   if (!options.fix_points && !data.common.empty()) {
     const auto m = static_cast<int>(data.common.size());
     problem.AddParameterBlock(common, m);
@@ -165,7 +168,7 @@ BundleSummary SolveBundle(const Observations& data, const std::vector<CameraPrio
     if (!measure::Project(state->cameras[j], state->points.col(r.point), &u)) continue;
     problem.AddResidualBlock(
         MakeReadingCost(r.u_px, std::sqrt(weighting.Variance(r)), priors[j], units).release(),
-        reading_loss.get(), blocks[j].data(), points.col(r.point).data());
+        reading_loss.get(), blocks[j], points.col(r.point).data());
   }
 
   ceres::Solver::Options solver;
@@ -188,8 +191,9 @@ BundleSummary SolveBundle(const Observations& data, const std::vector<CameraPrio
   ThrowIfInterrupted();
 
   for (std::size_t j = 0; j < blocks.size(); ++j) {
-    Unpack(blocks[j].data(), units, &state->cameras[j]);
+    Unpack(blocks[j], units, &state->cameras[j]);
   }
+  state->common = Eigen::VectorXd::Map(common, state->common.size());
   if (!options.fix_points) state->points = units.length * points;
   summary.iterations = static_cast<int>(report.iterations.size());
   Summarise(data, priors, weighting, options, *state, &summary);

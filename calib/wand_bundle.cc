@@ -11,6 +11,7 @@
 
 #include "base/log_silence.h"
 #include "base/progress.h"
+#include "calib/block_store.h"
 #include "calib/bundle_costs.h"
 #include "calib/near_minimum.h"
 #include "calib/stop_on_interrupt.h"
@@ -57,6 +58,11 @@ class WandProblem {
         reading_loss_(MakeCoreLoss(options.loss_width)),
         survey_loss_(MakeCoreLoss(SurveyLossWidth(options.loss_width))),
         pose_manifold_(MakePoseManifold(moving_)),
+        place_count_(data.place.size() - 1),
+        common_count_(state.common.size()),
+        blocks_(kAmbient * state.cameras.size() +
+                static_cast<std::size_t>(place_count_ + common_count_ + 3 * state.points.cols() +
+                                         kPoseAmbient * data.pose_count())),
         problem_(Ownership()) {
     AddCameras(state);
     AddPlaces(state);
@@ -96,28 +102,29 @@ class WandProblem {
   }
 
   void Store(WandState* state) const {
-    for (std::size_t j = 0; j < cameras_.size(); ++j) {
-      Unpack(cameras_[j].data(), units_, &state->cameras[j]);
+    for (std::size_t j = 0; j < camera_.size(); ++j) {
+      Unpack(camera_[j], units_, &state->cameras[j]);
     }
-    for (Eigen::Index m = 0; m < places_.size(); ++m) {
-      state->place(m + 1) = units_.length * places_(m);
+    state->place.tail(place_count_) = units_.length * Eigen::VectorXd::Map(places_, place_count_);
+    for (std::size_t k = 0; k < pose_.size(); ++k) {
+      UnpackPose(pose_[k], static_cast<int>(k), units_, state);
     }
-    for (std::size_t k = 0; k < poses_.size(); ++k) {
-      UnpackPose(poses_[k].data(), static_cast<int>(k), units_, state);
+    for (std::size_t i = 0; i < point_.size(); ++i) {
+      state->points.col(static_cast<Eigen::Index>(i)) =
+          units_.length * Eigen::Vector3d::Map(point_[i]);
     }
-    state->points = units_.length * points_;
-    state->common = common_;
+    state->common = Eigen::VectorXd::Map(common_, common_count_);
   }
 
   // The whitened derivatives at the solution, of all rows that take part.
   WandRows Rows() {
     WandRows out;
     out.row = kinds_;
-    out.cameras = static_cast<int>(cameras_.size());
-    out.poses = static_cast<int>(poses_.size());
-    out.points = static_cast<int>(points_.cols());
+    out.cameras = static_cast<int>(camera_.size());
+    out.poses = static_cast<int>(pose_.size());
+    out.points = static_cast<int>(point_.size());
     out.pose_size = pose_manifold_->TangentSize();
-    for (std::size_t j = 0; j < cameras_.size(); ++j) {
+    for (std::size_t j = 0; j < camera_.size(); ++j) {
       const int first = data::kCameraParameters * static_cast<int>(j);
       for (int k = 0; k < 3; ++k) out.shared.push_back({first + k, 1.0});
       for (int k = 9; k < kAmbient; ++k) {
@@ -129,12 +136,12 @@ class WandProblem {
       }
     }
     const int after = data::kCameraParameters * out.cameras;
-    const auto places = static_cast<int>(places_.size());
+    const auto places = static_cast<int>(place_count_);
     for (int m = 0; m < places; ++m) out.shared.push_back({after + m, units_.length});
-    for (int m = 0; m < static_cast<int>(common_.size()); ++m) {
+    for (int m = 0; m < static_cast<int>(common_count_); ++m) {
       out.shared.push_back({after + places + m, 1.0});
     }
-    out.size = after + places + static_cast<int>(common_.size());
+    out.size = after + places + static_cast<int>(common_count_);
     ceres::Problem::EvaluateOptions evaluate;
     evaluate.apply_loss_function = false;
     evaluate.parameter_blocks = Shared();
@@ -152,16 +159,14 @@ class WandProblem {
 
  private:
   std::vector<double*> Shared() {
-    std::vector<double*> out;
-    for (CameraBlock& camera : cameras_) out.push_back(camera.data());
-    out.push_back(places_.data());
-    if (common_.size() > 0) out.push_back(common_.data());
+    std::vector<double*> out = camera_;
+    out.push_back(places_);
+    if (common_count_ > 0) out.push_back(common_);
     return out;
   }
   std::vector<double*> Own() {
-    std::vector<double*> out;
-    for (PoseBlock& pose : poses_) out.push_back(pose.data());
-    for (Eigen::Index i = 0; i < points_.cols(); ++i) out.push_back(points_.col(i).data());
+    std::vector<double*> out = pose_;
+    out.insert(out.end(), point_.begin(), point_.end());
     return out;
   }
 
@@ -173,64 +178,65 @@ class WandProblem {
   }
 
   void AddCameras(const WandState& state) {
-    for (const data::RigCamera& camera : state.cameras) cameras_.push_back(Pack(camera, units_));
-    for (std::size_t j = 0; j < cameras_.size(); ++j) {
+    for (const data::RigCamera& camera : state.cameras) {
+      camera_.push_back(blocks_.Add(Pack(camera, units_).data(), kAmbient));
+    }
+    for (std::size_t j = 0; j < camera_.size(); ++j) {
       manifolds_.push_back(MakeCameraManifold(priors_[j]));
-      problem_.AddParameterBlock(cameras_[j].data(), kAmbient, manifolds_.back().get());
-      Add(MakePriorCost(priors_[j], state.cameras[j].pixels, units_), nullptr, {cameras_[j].data()},
+      problem_.AddParameterBlock(camera_[j], kAmbient, manifolds_.back().get());
+      Add(MakePriorCost(priors_[j], state.cameras[j].pixels, units_), nullptr, {camera_[j]},
           {WandRow::kPrior, 0});
     }
     if (!weighting_.hold_frame) return;
-    std::vector<double*> blocks;
-    for (CameraBlock& camera : cameras_) blocks.push_back(camera.data());
-    Add(MakeFrameCost(state.cameras, units_), nullptr, blocks, {WandRow::kPrior, 0});
+    Add(MakeFrameCost(state.cameras, units_), nullptr, camera_, {WandRow::kPrior, 0});
   }
 
   void AddPlaces(const WandState& state) {
-    const Eigen::Index m = data_.place.size() - 1;
-    places_ = state.place.tail(m) / units_.length;
-    problem_.AddParameterBlock(places_.data(), static_cast<int>(m));
+    const Eigen::Index m = place_count_;
+    const Eigen::VectorXd places = state.place.tail(m) / units_.length;
+    places_ = blocks_.Add(places.data(), static_cast<std::size_t>(m));
+    problem_.AddParameterBlock(places_, static_cast<int>(m));
     const double middle = 0.5 * (data_.place.maxCoeff() + data_.place.minCoeff());
     const ceres::Vector stated = (data_.place.tail(m).array() - middle) / units_.length;
     const ceres::Matrix weight =
         ceres::Matrix::Identity(m, m) * (units_.length / data_.place_sigma);
-    Add(std::make_unique<ceres::NormalPrior>(weight, stated), nullptr, {places_.data()},
+    Add(std::make_unique<ceres::NormalPrior>(weight, stated), nullptr, {places_},
         {WandRow::kPrior, 0});
   }
 
   void AddPoses(const WandState& state) {
-    poses_.resize(static_cast<std::size_t>(data_.pose_count()));
-    for (std::size_t k = 0; k < poses_.size(); ++k) {
-      poses_[k] = PackPose(state, static_cast<int>(k), units_);
-      problem_.AddParameterBlock(poses_[k].data(), kPoseAmbient, pose_manifold_.get());
+    for (int k = 0; k < data_.pose_count(); ++k) {
+      pose_.push_back(blocks_.Add(PackPose(state, k, units_).data(), kPoseAmbient));
+      problem_.AddParameterBlock(pose_.back(), kPoseAmbient, pose_manifold_.get());
     }
   }
 
   void AddMotion() {
     if (!moving_) return;
     const double arm = 0.5 * data_.Length();
-    for (std::size_t k = 0; k + 1 < poses_.size(); ++k) {
+    for (std::size_t k = 0; k + 1 < pose_.size(); ++k) {
       const double interval = data_.time[k + 1] - data_.time[k];
       Add(MakeMotionCost(interval, weighting_.unrest, arm, units_), nullptr,
-          {poses_[k].data(), poses_[k + 1].data()}, {WandRow::kMotion, static_cast<int>(k)});
+          {pose_[k], pose_[k + 1]}, {WandRow::kMotion, static_cast<int>(k)});
     }
   }
 
   void AddPoints(const WandState& state) {
     const Observations& survey = data_.points;
-    points_ = state.points / units_.length;
-    common_ = state.common;
-    if (common_.size() > 0) {
-      const auto m = static_cast<int>(common_.size());
-      problem_.AddParameterBlock(common_.data(), m);
+    if (common_count_ > 0) {
+      const auto m = static_cast<int>(common_count_);
+      common_ = blocks_.Add(state.common.data(), static_cast<std::size_t>(m));
+      problem_.AddParameterBlock(common_, m);
       Add(std::make_unique<ceres::NormalPrior>(ceres::Matrix::Identity(m, m),
                                                ceres::Vector::Zero(m)),
-          nullptr, {common_.data()}, {WandRow::kPrior, 0});
+          nullptr, {common_}, {WandRow::kPrior, 0});
     }
-    for (Eigen::Index i = 0; i < points_.cols(); ++i) {
-      problem_.AddParameterBlock(points_.col(i).data(), 3);
-      std::vector<double*> blocks = {points_.col(i).data()};
-      if (common_.size() > 0) blocks.push_back(common_.data());
+    for (Eigen::Index i = 0; i < state.points.cols(); ++i) {
+      const Eigen::Vector3d p = state.points.col(i) / units_.length;
+      point_.push_back(blocks_.Add(p.data(), 3));
+      problem_.AddParameterBlock(point_.back(), 3);
+      std::vector<double*> blocks = {point_.back()};
+      if (common_count_ > 0) blocks.push_back(common_);
       const bool used = weighting_.use_survey[static_cast<std::size_t>(i)] != 0;
       Add(MakeSurveyCost(survey, i, used ? 1.0 : Weighting::kLeftOut, units_), survey_loss_.get(),
           blocks, {used ? WandRow::kSurvey : WandRow::kPrior, static_cast<int>(i)});
@@ -245,7 +251,7 @@ class WandProblem {
       }
       Add(MakeReadingCost(r.u_px, std::sqrt(weighting_.Variance(r.camera, r.s_px)), priors_[j],
                           units_),
-          reading_loss_.get(), {cameras_[j].data(), points_.col(r.point).data()},
+          reading_loss_.get(), {camera_[j], point_[static_cast<std::size_t>(r.point)]},
           {WandRow::kPointReading, static_cast<int>(k)});
     }
   }
@@ -262,8 +268,7 @@ class WandProblem {
       const MarkFlash flash = {r.mark, data_.mark_count(), state.place(0), r.after};
       Add(MakeMarkCost(r.u_px, std::sqrt(weighting_.Variance(r.camera, r.s_px)), flash, priors_[j],
                        units_),
-          reading_loss_.get(),
-          {cameras_[j].data(), poses_[static_cast<std::size_t>(r.pose)].data(), places_.data()},
+          reading_loss_.get(), {camera_[j], pose_[static_cast<std::size_t>(r.pose)], places_},
           {WandRow::kReading, static_cast<int>(k)});
     }
   }
@@ -276,10 +281,11 @@ class WandProblem {
   std::unique_ptr<ceres::LossFunction> reading_loss_, survey_loss_;
   std::unique_ptr<ceres::Manifold> pose_manifold_;
   std::vector<std::unique_ptr<ceres::Manifold>> manifolds_;
-  std::vector<CameraBlock> cameras_;
-  Eigen::VectorXd places_, common_;
-  std::vector<PoseBlock> poses_;
-  Eigen::Matrix3Xd points_;
+  Eigen::Index place_count_,
+      common_count_;  // of marks but the first; of what a station does to all
+  BlockStore blocks_;
+  std::vector<double*> camera_, pose_, point_;
+  double *places_ = nullptr, *common_ = nullptr;
   std::vector<ceres::ResidualBlockId> residuals_;
   std::vector<WandRow> kinds_;
   ceres::Problem problem_;  // last: it refers to the others

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
-#include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
 
@@ -14,6 +13,7 @@
 #include "base/table.h"
 #include "calib/layout.h"
 #include "calib/verdict.h"
+#include "calib/wand_given.h"
 #include "cli/calibrate_json.h"
 #include "cli/calibrate_wand_page.h"
 #include "data/lab.h"
@@ -99,31 +99,6 @@ std::string Text(const calib::WandCalibration& result, const std::string& out) {
   return text + AlignedTable(rows) + fmt::format("\n-> {}\n", out);
 }
 
-std::vector<calib::WandFrame::Planned> PlanOf(const std::string& path) {
-  std::vector<calib::WandFrame::Planned> out;
-  for (const data::LabCamera& camera : data::ReadLab(path).cameras) {
-    out.push_back({camera.name, camera.position, camera.look_at});
-  }
-  return out;
-}
-
-// An earlier rig's cameras in the order of the readings'.
-std::vector<data::RigCamera> StartOf(const std::string& path,
-                                     const std::vector<std::string>& names) {
-  const data::Rig rig = data::ReadRig(path);
-  std::vector<data::RigCamera> out;
-  for (const std::string& name : names) {
-    const auto found = std::find_if(rig.cameras.begin(), rig.cameras.end(),
-                                    [&](const auto& camera) { return camera.name == name; });
-    if (found == rig.cameras.end()) {
-      throw Error(fmt::format("holds no camera \"{}\"", name), path,
-                  "give a rig of the same cameras, or leave --from out");
-    }
-    out.push_back(*found);
-  }
-  return out;
-}
-
 }  // namespace
 
 int RunCalibrateWand(const Common& common, const WandArguments& arguments) {
@@ -154,11 +129,12 @@ int RunCalibrateWand(const Common& common, const WandArguments& arguments) {
   options.frame.cameras = arguments.frame;
   if (!arguments.layout.empty()) {
     provenance.AddInput(arguments.layout);
-    options.frame.layout = PlanOf(arguments.layout);
+    options.frame.layout = calib::PlannedPlaces(data::ReadLab(arguments.layout));
   }
   if (!arguments.from.empty()) {
     provenance.AddInput(arguments.from);
-    options.fit.from = StartOf(arguments.from, data.cameras);
+    options.fit.from =
+        calib::CamerasOf(data::ReadRig(arguments.from), data.cameras, arguments.from);
   }
   if (!arguments.lenses.empty()) {
     provenance.AddInput(arguments.lenses);

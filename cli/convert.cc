@@ -18,6 +18,7 @@
 #include "data/survey_points.h"
 #include "data/tracks.h"
 #include "data/trial.h"
+#include "data/wand.h"
 #include "measure/raw_lines.h"
 #include "measure/raw_survey.h"
 #include "measure/survey_readings.h"
@@ -140,6 +141,18 @@ std::string ConvertFile(const Common& common, const std::string& in, const std::
     data::WriteTracksAny(out, tracks, provenance);
     return schema;
   }
+  if (schema == data::kWandSchema) {
+    const bool to_csv = to == data::FileFormat::kCsv;
+    if (!to_csv && to != data::FileFormat::kHdf5) Refuse("readings of a bar", out);
+    const data::WandReadings readings = data::ReadWand(in);
+    provenance.AddInput(in);
+    if (to_csv) {
+      data::WriteWandCsv(out, readings);
+    } else {
+      data::WriteWand(out, readings, provenance);
+    }
+    return schema;
+  }
   if (from == data::FileFormat::kCsv) {
     if (to != data::FileFormat::kHdf5) Refuse("a CSV file", out);
     const data::Survey survey = data::ReadSurvey(in);
@@ -164,8 +177,8 @@ std::string ConvertFile(const Common& common, const std::string& in, const std::
 
 Verb AddConvert(CLI::App& program, Common& common) {
   Verb verb = DeclareVerb(program, common, "convert",
-                          "A run, tracks or survey in another format; raw lines into a trial or "
-                          "a survey",
+                          "A run, tracks, survey or readings of a bar in another format; raw "
+                          "lines into a trial or a survey",
                           "unfurl convert tracks.h5 tracks.c3d\n"
                           "  unfurl convert lines.toml trial.h5     (raw lines of a frame "
                           "grabber, described in TOML)");

@@ -147,9 +147,7 @@ correlate::CameraSights SightsOf(const data::Rig& rig) {
   correlate::CameraSights out;
   for (const data::RigCamera& camera : rig.cameras) out.names.push_back(camera.name);
   out.gradient = [rig](std::size_t camera, const Eigen::Vector3d& p) -> Eigen::Vector3d {
-    measure::Projection seen;
-    if (!measure::Project(rig.cameras[camera], p, &seen)) return Eigen::Vector3d::Zero();
-    return seen.du_dp.transpose();
+    return measure::ReadingGradient(rig.cameras[camera], p);
   };
   return out;
 }

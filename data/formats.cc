@@ -14,6 +14,7 @@
 #include "data/toml_kind.h"
 #include "data/tracks_exchange.h"
 #include "data/trial.h"
+#include "data/wand.h"
 
 namespace unfurl::data {
 
@@ -31,7 +32,11 @@ constexpr Ending kEndings[] = {
 };
 
 // A CSV of tracks has a column of marks; the other CSV that is read here is a survey.
-bool IsTracksCsv(const std::string& path) { return CsvTable::Load(path).Find("mark") >= 0; }
+const char* KindOfCsv(const std::string& path) {
+  const CsvTable table = CsvTable::Load(path);
+  if (table.Find("mark") < 0) return kSurveySchema;
+  return table.Find("pose") < 0 ? kTracksSchema : kWandSchema;
+}
 
 std::string KindOfToml(const std::string& path) { return KindOfDocument(LoadToml(path)); }
 
@@ -152,7 +157,7 @@ std::string KindOf(const std::string& path) {
     case FileFormat::kToml:
       return KindOfToml(path);
     case FileFormat::kCsv:
-      return IsTracksCsv(path) ? kTracksSchema : kSurveySchema;
+      return KindOfCsv(path);
     case FileFormat::kC3d:
     case FileFormat::kUff:
       return kTracksSchema;
@@ -176,9 +181,12 @@ AnyRecord Load(const std::string& path) {
   switch (FormatOf(path)) {
     case FileFormat::kToml:
       return LoadTomlRecord(path);
-    case FileFormat::kCsv:
-      if (!IsTracksCsv(path)) return ReadSurvey(path);
-      return ReadTracksCsv(path);
+    case FileFormat::kCsv: {
+      const std::string kind = KindOfCsv(path);
+      if (kind == kTracksSchema) return ReadTracksCsv(path);
+      if (kind == kSurveySchema) return ReadSurvey(path);
+      Refuse(path, kind);
+    }
     case FileFormat::kC3d:
     case FileFormat::kUff:
       return ReadTracksAny(path);

@@ -60,6 +60,12 @@ bool Project(const data::RigCamera& camera, const Eigen::Vector3d& p_W, Projecti
   return true;
 }
 
+Eigen::Vector3d ReadingGradient(const data::RigCamera& camera, const Eigen::Vector3d& p_W) {
+  Projection seen;
+  if (!Project(camera, p_W, &seen)) return Eigen::Vector3d::Zero();
+  return seen.du_dp.transpose();
+}
+
 data::RigCamera Perturbed(const data::RigCamera& camera,
                           const Eigen::Matrix<double, data::kCameraParameters, 1>& change) {
   data::RigCamera out = camera;

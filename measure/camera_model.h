@@ -18,6 +18,9 @@ struct Projection {
 bool Project(const data::RigCamera& camera, const Eigen::Vector3d& p_W, double* u_px);
 bool Project(const data::RigCamera& camera, const Eigen::Vector3d& p_W, Projection* out);
 
+// d reading / d p, by the point in W; zero for one that is not in front [px/m].
+Eigen::Vector3d ReadingGradient(const data::RigCamera& camera, const Eigen::Vector3d& p_W);
+
 // The camera after a small change of its parameters, in the order of data/rig.h.
 data::RigCamera Perturbed(const data::RigCamera& camera,
                           const Eigen::Matrix<double, data::kCameraParameters, 1>& change);

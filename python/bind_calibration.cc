@@ -7,8 +7,8 @@
 #include "calib/check.h"
 #include "data/survey.h"
 #include "data/survey_points.h"
-#include "measure/lens/lens.h"
 #include "python/bindings.h"
+#include "python/lens_names.h"
 
 namespace unfurl::python {
 namespace {
@@ -21,27 +21,6 @@ struct Calibration {
   calib::CalibrationReport report;
 };
 
-data::LensModel LensOf(const std::string& name) {
-  if (const auto lens = data::FindLensModel(name)) return *lens;
-  std::string known;
-  for (const data::LensNames& lens : data::kLensModels) {
-    known += fmt::format("{}'{}'", known.empty() ? "" : ", ", lens.name);
-  }
-  throw Error(fmt::format("there is no lens model '{}'", name), "lens", "give one of " + known);
-}
-
-int OrderOf(data::LensModel lens, const std::string& name) {
-  if (name == "auto") return calib::kAutomaticOrder;
-  std::string known = "'auto'";
-  const auto orders = measure::OrdersOf(lens);
-  for (std::size_t k = 0; k < orders.size(); ++k) {
-    if (name == orders[k].name) return static_cast<int>(k);
-    known += fmt::format(", '{}'", orders[k].name);
-  }
-  throw Error(fmt::format("the {} lens has no set of terms '{}'", data::NamesOf(lens).name, name),
-              "order", "give one of " + known);
-}
-
 std::string NameOf(const std::vector<Source>& sources) {
   return sources.empty() ? "survey" : sources.front().path;
 }
@@ -52,8 +31,8 @@ Calibration Calibrate(const py::object& survey_or_path, const std::string& lens,
                       const py::object& progress) {
   calib::CalibrateOptions options;
   options.trends.steady = steady;
-  options.guess.lens = LensOf(lens);
-  options.order = OrderOf(options.guess.lens, order);
+  options.guess.lens = LensNamed(lens);
+  options.order = OrderNamed(options.guess.lens, order);
   options.guess.seed = seed;
   options.verdict.need = need;
   options.folds = folds;

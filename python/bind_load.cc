@@ -15,6 +15,7 @@
 #include "data/survey.h"
 #include "data/tracks.h"
 #include "data/trial.h"
+#include "data/wand.h"
 #include "python/bindings.h"
 
 namespace unfurl::python {
@@ -38,6 +39,7 @@ py::object LoadH5(const fs::path& path) {
     return Loaded<data::Run>(path, [](const std::string& p) { return data::ReadRun(p, true); });
   if (schema == data::kRigSchema) return Loaded<data::Rig>(path, &data::ReadRig);
   if (schema == data::kSurveySchema) return Loaded<data::Survey>(path, &data::ReadSurvey);
+  if (schema == data::kWandSchema) return Loaded<data::WandReadings>(path, &data::ReadWand);
   if (schema == campaign::kCampaignSchema) return LoadCampaign(path);
   if (schema == data::kFitSchema) return LoadFit(path);
   if (schema == data::kModesSchema) return LoadModes(path);
@@ -62,11 +64,11 @@ py::object LoadToml(const fs::path& path) {
   return LoadScene(path);
 }
 
-// Tracks, a survey, or its points alone.
+// Tracks, readings of a bar, a survey, or its points alone.
 py::object LoadCsv(const fs::path& path) {
-  if (data::KindOf(path.string()) == data::kTracksSchema) {
-    return Loaded<data::Tracks>(path, &data::ReadTracksCsv);
-  }
+  const std::string kind = data::KindOf(path.string());
+  if (kind == data::kTracksSchema) return Loaded<data::Tracks>(path, &data::ReadTracksCsv);
+  if (kind == data::kWandSchema) return Loaded<data::WandReadings>(path, &data::ReadWand);
   const bool readings = data::CsvTable::Load(path.string()).Find("u1") >= 0;
   return readings ? Loaded<data::Survey>(path, &data::ReadSurvey)
                   : Loaded<data::Survey>(path, &data::ReadPointsCsv);
@@ -94,7 +96,8 @@ py::object Load(const py::object& path_like, double sigma) {
 
 void BindLoad(py::module_& m) {
   m.def("load", &Load, py::arg("path"), py::kw_only(), py::arg("sigma") = 0.0,
-        "Any file of Unfurl's: Tracks, Run, Rig, Survey, Trial, Fit, Modes, Scene, Study, Lab or\n"
+        "Any file of Unfurl's: Tracks, Run, Rig, Survey, Wand, Trial, Fit, Modes, Scene, Study, "
+        "Lab or\n"
         "Campaign, by what it holds. sigma: of one axis of a point, where a .c3d or .uff tells\n"
         "none [m].");
 }

@@ -10,6 +10,7 @@
 #include "data/rig.h"
 #include "data/survey.h"
 #include "data/trial.h"
+#include "measure/camera_model.h"
 #include "measure/survey_readings.h"
 #include "python/bindings.h"
 
@@ -42,7 +43,6 @@ Survey MakeSurvey(const py::object& ids, const py::object& p, const py::object& 
   d.p = PointsFrom(p, {3}, "p");
   d.cameras = cameras;
   const Eigen::Index n = d.p.cols();
-  const auto c = static_cast<py::ssize_t>(cameras.size());
   if (static_cast<Eigen::Index>(id.size()) != n) {
     throw py::value_error(
         fmt::format("id and p: expected the same length, got {} and {}", id.size(), n));
@@ -65,22 +65,12 @@ Survey MakeSurvey(const py::object& ids, const py::object& p, const py::object& 
   } else {
     d.cov = PointsFrom(cov, {6}, "cov");
   }
-  d.u_px = PointsFrom(u, {c}, "u").transpose();
-  if (IsNumber(s)) {
-    d.s_px = d.u_px.array().isNaN().select(Eigen::MatrixXd::Constant(n, c, std::nan("")),
-                                           s.cast<double>());
-  } else {
-    d.s_px = PointsFrom(s, {c}, "s").transpose();
-  }
-  if (d.cov.cols() != n || d.u_px.rows() != n || d.s_px.rows() != n) {
-    throw py::value_error("p, cov, u and s: expected the same number of rows");
+  ReadingsFrom(u, s, cameras.size(), &d.u_px, &d.s_px);
+  if (d.cov.cols() != n || d.u_px.rows() != n) {
+    throw py::value_error("p, cov and u: expected the same number of rows");
   }
   if (!set_up.is_none()) d.set_up = SetUpsFrom(set_up, id.size());
   if (!d.cov.allFinite()) throw py::value_error("cov: expected finite numbers");
-  if (d.u_px.array().isInf().any()) throw py::value_error("u: expected pixels, or NaN: not seen");
-  if (!(d.u_px.array().isNaN() || (d.s_px.array() > 0.0 && d.s_px.array().isFinite())).all()) {
-    throw py::value_error("s: expected a positive number for every reading");
-  }
   return out;
 }
 
@@ -146,6 +136,23 @@ void BindSurvey(py::module_& m) {
       });
 }
 
+py::array_t<double> ReadingsOf(const Rig& rig, const py::object& points) {
+  const Eigen::Matrix3Xd p = PointsFrom(points, {3}, "p");
+  const auto& cameras = rig.data.cameras;
+  const auto n = static_cast<py::ssize_t>(p.cols()), c = static_cast<py::ssize_t>(cameras.size());
+  py::array_t<double> out({n, c});
+  for (py::ssize_t j = 0; j < c; ++j) {
+    const data::RigCamera& camera = cameras[static_cast<std::size_t>(j)];
+    for (py::ssize_t i = 0; i < n; ++i) {
+      double u = 0.0;
+      const bool seen = p.col(i).allFinite() && measure::Project(camera, p.col(i), &u) &&
+                        (camera.pixels == 0 || (u > -0.5 && u < camera.pixels - 0.5));
+      out.mutable_at(i, j) = seen ? u : std::nan("");
+    }
+  }
+  return out;
+}
+
 void BindRig(py::module_& m) {
   py::class_<data::RigCamera>(
       m, "RigCamera",
@@ -176,6 +183,8 @@ void BindRig(py::module_& m) {
       .def_readonly("f", &data::RigCamera::f_px, "Image scale [px].")
       .def_readonly("u0", &data::RigCamera::u0_px, "Reading on the optical axis [px].")
       .def_readonly("e", &data::RigCamera::e, "Distance between the two centres [m].")
+      .def_readonly("pixels", &data::RigCamera::pixels,
+                    "Of its row; readings lie from 0 to pixels - 1.")
       .def("__repr__", [](const data::RigCamera& c) {
         return fmt::format("<unfurl.RigCamera '{}': f = {:.2f} px, at ({:.3f}, {:.3f}, {:.3f}) m>",
                            c.name, c.f_px, c.p_WC.x(), c.p_WC.y(), c.p_WC.z());
@@ -222,6 +231,9 @@ void BindRig(py::module_& m) {
       .def_property_readonly(
           "usable", [](const Rig& self) { return self.data.verdict != "do not use"; },
           "Whether the verdict is any but 'do not use'.")
+      .def("readings", &ReadingsOf, py::arg("p"),
+           "What the cameras read of points (n, 3) [m]: (n, c) [px]; NaN: not in front, or off the "
+           "row.")
       .def(
           "write",
           [](const Rig& self, const fs::path& path) {

@@ -10,15 +10,8 @@
 namespace unfurl::python {
 namespace {
 
-data::Study StudyFrom(const py::object& study_or_path, const py::object& set) {
-  if (!py::isinstance<data::Study>(study_or_path)) {
-    return data::ReadStudy(PathFrom(study_or_path, "a Study or a path").string(),
-                           OverridesFrom(set));
-  }
-  if (!set.is_none()) {
-    throw Error("keys are set where a study is read", "set", "use read_study(path, set=..)");
-  }
-  return study_or_path.cast<data::Study&>();
+void AddSources(const data::Provenance& from, Fit* fit) {
+  for (const data::InputFile& input : from.inputs) fit->sources.push_back(SourceOf(input.path));
 }
 
 Fit FitStudy(const py::object& study_or_path, const py::object& set,
@@ -42,27 +35,37 @@ Fit FitStudy(const py::object& study_or_path, const py::object& set,
   options.provenance = ProvenanceOf({});
   options.progress = FitProgressOf(progress, &errors);
   return LongWithCallbacks(errors, [&] {
+    if (!study.repeat.wanted) return FitOf(study::Fit(study, options), compare);
+    study::RepeatFit fitted = study::FitRepeat(study, options);
     Fit fit;
-    const auto sources = [&fit](const data::Provenance& from) {
-      for (const data::InputFile& input : from.inputs) fit.sources.push_back(SourceOf(input.path));
-    };
-    if (study.repeat.wanted) {
-      study::RepeatFit fitted = study::FitRepeat(study, options);
-      fit.data = std::move(fitted.record);
-      sources(fitted.provenance);
-      return fit;
-    }
-    study::StudyFit fitted = study::Fit(study, options);
     fit.data = std::move(fitted.record);
-    sources(fitted.provenance);
-    if (compare && fitted.Usable()) {
-      fit.comparison = std::make_shared<correlate::Comparison>(std::move(fitted.comparison));
-    }
+    AddSources(fitted.provenance, &fit);
     return fit;
   });
 }
 
 }  // namespace
+
+Fit FitOf(study::StudyFit fitted, bool compare) {
+  Fit fit;
+  fit.data = std::move(fitted.record);
+  AddSources(fitted.provenance, &fit);
+  if (compare && fitted.Usable()) {
+    fit.comparison = std::make_shared<correlate::Comparison>(std::move(fitted.comparison));
+  }
+  return fit;
+}
+
+data::Study StudyFrom(const py::object& study_or_path, const py::object& set) {
+  if (!py::isinstance<data::Study>(study_or_path)) {
+    return data::ReadStudy(PathFrom(study_or_path, "a Study or a path").string(),
+                           OverridesFrom(set));
+  }
+  if (!set.is_none()) {
+    throw Error("keys are set where a study is read", "set", "use read_study(path, set=..)");
+  }
+  return study_or_path.cast<data::Study&>();
+}
 
 py::object LoadStudy(const fs::path& path) {
   return py::cast(std::make_shared<data::Study>(data::ReadStudy(path.string())));

@@ -32,6 +32,7 @@ void BindTracks(py::module_& m);
 void BindRun(py::module_& m);
 void BindOptics(py::module_& m);       // survey, rig, lab, trial
 void BindCalibration(py::module_& m);  // calibrate, check
+void BindWand(py::module_& m);         // a bar's readings, calibrate_wand
 void BindHealth(py::module_& m);
 void BindPlan(py::module_& m);
 void BindMeasure(py::module_& m);  // expose, reconstruct, smooth
@@ -42,6 +43,8 @@ void BindRepeat(py::module_& m);    // before fits, which have them
 void BindFit(py::module_& m);
 void BindStudy(py::module_& m);
 void BindCost(py::module_& m);
+void BindEffects(py::module_& m);  // after fits, which they have
+void BindDesign(py::module_& m);
 void BindCampaign(py::module_& m);
 void BindLines(py::module_& m);  // raw lines, and surveys in parts
 void BindLoad(py::module_& m);
@@ -197,6 +200,12 @@ std::function<void(double)> ProgressOf(const py::object& progress, CallbackError
 
 /// {"joint.j.spring.stiffness": 3.0} or ["key=value"] as the overrides of the TOML readers.
 std::vector<std::string> OverridesFrom(const py::object& set);
+
+/// Readings of `cameras` cameras, NaN: not seen, and their standard deviations, an array of the
+/// same shape or one number [px]. Throws ValueError for what neither is a reading nor says that it
+/// is none.
+void ReadingsFrom(const py::object& u, const py::object& s, std::size_t cameras,
+                  Eigen::MatrixXd* u_px, Eigen::MatrixXd* s_px);
 
 /// A path as Python has them: str, bytes or anything with __fspath__. Throws TypeError that names
 /// what is `wanted` ("a Rig or a path").

@@ -60,6 +60,7 @@ PYBIND11_MODULE(_core, m) {
   BindRun(m);
   BindOptics(m);
   BindCalibration(m);
+  BindWand(m);
   BindHealth(m);
   BindPlan(m);
   BindMeasure(m);
@@ -70,6 +71,8 @@ PYBIND11_MODULE(_core, m) {
   BindFit(m);
   BindStudy(m);
   BindCost(m);
+  BindEffects(m);
+  BindDesign(m);
   BindCampaign(m);
   BindLines(m);
   BindLoad(m);

@@ -228,6 +228,24 @@ std::function<void(double)> ProgressOf(const py::object& progress, CallbackError
   };
 }
 
+void ReadingsFrom(const py::object& u, const py::object& s, std::size_t cameras,
+                  Eigen::MatrixXd* u_px, Eigen::MatrixXd* s_px) {
+  const auto c = static_cast<py::ssize_t>(cameras);
+  *u_px = PointsFrom(u, {c}, "u").transpose();
+  if (IsNumber(s)) {
+    *s_px = u_px->array().isNaN().select(Eigen::MatrixXd::Constant(u_px->rows(), c, std::nan("")),
+                                         s.cast<double>());
+  } else {
+    *s_px = PointsFrom(s, {c}, "s").transpose();
+  }
+  if (s_px->rows() != u_px->rows())
+    throw py::value_error("u and s: expected the same number of rows");
+  if (u_px->array().isInf().any()) throw py::value_error("u: expected pixels, or NaN: not seen");
+  if (!(u_px->array().isNaN() || (s_px->array() > 0.0 && s_px->array().isFinite())).all()) {
+    throw py::value_error("s: expected a positive number for every reading");
+  }
+}
+
 fs::path PathFrom(const py::object& object, const std::string& wanted) {
   // A path's own code may raise, and be where Ctrl-C falls: the conversion of the library takes all
   // of that for another type.

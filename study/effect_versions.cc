@@ -128,10 +128,6 @@ EffectVersion EffectVersions::Switched(const std::vector<std::string>& set, bool
   data::Study study = study_;
   EffectVersion out;
   out.released = Release(set, &study);
-  if (study.parameters.empty()) {
-    throw Error("it takes all parameters of the study with it", study.path,
-                "it can be judged in a study with others");
-  }
   const bool mesh = ChangesMesh(set);
   if (mesh) {
     const data::Scene coarse = data::ReadScene(data::LoadToml(study.scene, study.set), study.scene);

@@ -40,10 +40,9 @@ HeldOut PredictHeldOut(const Eigen::VectorXd& r, const Eigen::MatrixXd& A,
   out.score.assign(static_cast<std::size_t>(std::max(0, count)),
                    std::numeric_limits<double>::quiet_NaN());
   out.rows.assign(out.score.size(), 0);
-  if (A.cols() == 0 || count == 0) return out;
-  const Eigen::MatrixXd Q = Orthonormal(A);
+  // Without unknowns, or where none moves anything, the model predicts what it predicts.
+  const Eigen::MatrixXd Q = A.cols() > 0 ? Orthonormal(A) : Eigen::MatrixXd(A.rows(), 0);
   const Eigen::Index q = Q.cols();
-  if (q == 0) return out;  // nothing moves with any of the unknowns
   const Eigen::VectorXd slope = Q.transpose() * r;
   for (int k = 0; k < count; ++k) {
     std::vector<Eigen::Index> rows;
@@ -52,17 +51,18 @@ HeldOut PredictHeldOut(const Eigen::VectorXd& r, const Eigen::MatrixXd& A,
     }
     out.rows[static_cast<std::size_t>(k)] = rows.size();
     if (rows.empty()) continue;
-    const Eigen::MatrixXd own = Q(rows, Eigen::all);
     Eigen::VectorXd e = r(rows);
-    const Eigen::MatrixXd others = Eigen::MatrixXd::Identity(q, q) - own.transpose() * own;
-    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(others);
-    if (!(eigen.eigenvalues()(0) > kRoundOff)) continue;
-    // Where the fit to the others comes out, and the stretch's rows there.
-    const Eigen::VectorXd moved =
-        -others.ldlt().solve(Eigen::VectorXd(slope - own.transpose() * e));
-    e += own * moved;
-    const double squares = e.squaredNorm() - (own.transpose() * e).squaredNorm();
-    const double volume = -eigen.eigenvalues().array().log().sum();
+    double squares = e.squaredNorm(), volume = 0.0;
+    if (q > 0) {
+      const Eigen::MatrixXd own = Q(rows, Eigen::all);
+      const Eigen::MatrixXd others = Eigen::MatrixXd::Identity(q, q) - own.transpose() * own;
+      const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(others);
+      if (!(eigen.eigenvalues()(0) > kRoundOff)) continue;
+      // Where the fit to the others comes out, and the stretch's rows there.
+      e -= own * others.ldlt().solve(Eigen::VectorXd(slope - own.transpose() * e));
+      squares = e.squaredNorm() - (own.transpose() * e).squaredNorm();
+      volume = -eigen.eigenvalues().array().log().sum();
+    }
     const auto n = static_cast<double>(rows.size());
     out.score[static_cast<std::size_t>(k)] =
         -0.5 * (n * std::log(2.0 * std::numbers::pi * scale) + volume + squares / scale);

@@ -78,6 +78,7 @@ std::vector<int> StretchesOf(const Observations& o, int first, int stretches) {
 // of standard errors.
 std::vector<double> MovesOf(const Eigen::MatrixXd& whitened, const Eigen::MatrixXd& plain,
                             Eigen::Index parameters, double scale, double rows) {
+  if (parameters == 0) return {};
   // Unit columns first: unknowns of any units share one normal matrix. Those that move nothing
   // stay.
   const Eigen::VectorXd size =

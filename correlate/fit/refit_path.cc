@@ -136,6 +136,7 @@ Eigen::VectorXd RefitPath::Sigma(const ReducedProblem::Point& point) const {
 }
 
 RefitPath::Step RefitPath::StepFrom(const ReducedProblem::Point& point, double damping) const {
+  if (u_.empty()) return {};
   const Eigen::MatrixXd P = reduced_->Project(point, reduced_->RowsOf(u_, point, change_));
   const Eigen::MatrixXd normal = P.transpose() * P;
   const Eigen::VectorXd slope = P.transpose() * point.residual;
@@ -209,6 +210,7 @@ void RefitPath::Carry(const std::vector<double>& to) {
 }
 
 bool RefitPath::TakeSlopesAnew() {
+  if (u_.empty()) return fresh_ = true;
   const std::size_t cost = u_.size() * version_.trials.size();
   if (fresh_ || !Affords(cost)) return false;
   runs_ += cost;
@@ -235,7 +237,8 @@ std::optional<double> RefitPath::Damped(const Step& step, double damping, int* r
 }
 
 RefitPath::Way RefitPath::Descend() {
-  constexpr double kPoor = 0.25;  // of a promise: slopes that keep less lead astray
+  if (u_.empty()) return Way::kSettled;  // clocks and frames are at their best from the beginning
+  constexpr double kPoor = 0.25;         // of a promise: slopes that keep less lead astray
   double damping = 0.0;
   int rejected = 0;
   while (Affords(version_.trials.size())) {

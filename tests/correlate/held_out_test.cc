@@ -115,12 +115,20 @@ TEST(HeldOut, TheGainsErrorHoldsItsScatter) {
   EXPECT_NEAR(std::sqrt(predicted / kRecords) / scatter, 1.0, 0.15);
 }
 
-// Without gravity a pendulum hangs still, and its damping does nothing: `effects` crashed there.
-TEST(HeldOut, UnknownsThatDoNothingLeaveTheScoresOpen) {
-  const Eigen::VectorXd r = Eigen::VectorXd::Ones(6);
-  const HeldOut scored = PredictHeldOut(r, Eigen::MatrixXd::Zero(6, 2), {0, 0, 0, 1, 1, 1}, 1.0);
-  ASSERT_EQ(scored.score.size(), 2U);
-  for (const double score : scored.score) EXPECT_TRUE(std::isnan(score));
+// Without gravity a pendulum hangs still, and its damping does nothing: what is predicted is the
+// model as it is, and so without any unknown.
+TEST(HeldOut, UnknownsThatDoNothingLeaveTheModelAsItIs) {
+  const Eigen::VectorXd r = Eigen::VectorXd::Constant(6, 0.5);
+  const double scale = 2.0;
+  const double each = -0.5 * (std::log(2.0 * std::numbers::pi * scale) + 0.25 / scale);
+  for (const Eigen::Index unknowns : {0, 2}) {
+    const HeldOut scored =
+        PredictHeldOut(r, Eigen::MatrixXd::Zero(6, unknowns), {0, 0, 1, 1, 1, 1}, scale);
+    ASSERT_EQ(scored.score.size(), 2U);
+    EXPECT_NEAR(scored.score[0], 2.0 * each, 1e-12);
+    EXPECT_NEAR(scored.score[1], 4.0 * each, 1e-12);
+    EXPECT_EQ(scored.rows, (std::vector<std::size_t>{2, 4}));
+  }
 }
 
 TEST(HeldOut, UnlikeRecordsAreRefused) {

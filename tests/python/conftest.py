@@ -1,5 +1,6 @@
 """What the tests share: the shipped sets, and small records made by closed forms."""
 
+import json
 import os
 import subprocess
 import sys
@@ -43,6 +44,13 @@ def sets() -> Path:
 @pytest.fixture
 def pendulum() -> "unfurl.Scene":
     return unfurl.parse_scene(PENDULUM, "pendulum")
+
+
+def run(*words, cwd):
+    """What the program says, as JSON."""
+    done = subprocess.run([os.environ["UNFURL_PROGRAM"], *map(str, words), "--json"], cwd=cwd, capture_output=True)
+    assert done.returncode == 0, done.stderr.decode()
+    return json.loads(done.stdout)
 
 
 def small_tracks(n: int = 40) -> "unfurl.Tracks":

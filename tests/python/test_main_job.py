@@ -1,22 +1,10 @@
 """The main job in Python: the numbers are the program's."""
 
-import json
-import os
-import subprocess
-
 import numpy as np
 import pytest
 
 import unfurl
-from conftest import SETS, read_by_strangers
-
-PROGRAM = os.environ["UNFURL_PROGRAM"]
-
-
-def run(*words, cwd):
-    done = subprocess.run([PROGRAM, *map(str, words), "--json"], cwd=cwd, capture_output=True)
-    assert done.returncode == 0, done.stderr.decode()
-    return json.loads(done.stdout)
+from conftest import SETS, read_by_strangers, run
 
 
 @pytest.fixture(scope="module")

@@ -157,37 +157,50 @@ TEST_F(EffectsTest, BadInputIsNamed) {
 // each when the study's scene has both.
 class TrialEffectsTest : public EffectsTest {
  protected:
-  void Record(double damping, double quadratic, std::uint64_t seed) const {
+  static constexpr double kSigma = 1e-3;  // of a reading [rad]
+
+  // The angle at the record's times [s].
+  Eigen::VectorXd Angle(double damping, double quadratic) const {
     SceneModelOptions options;
     options.scene = Pendulum(damping, quadratic, 1e-9);
     options.rtol = 1e-10;
     const SceneModel model(options, {});
     correlate::Stamps stamps;
-    stamps.quantities.push_back({"a", "hinge.theta", {}});
-    for (double t = 0.0; t < 5.8; t += 0.01) stamps.quantities[0].t.push_back(t);
-    const correlate::Prediction truth = model.Evaluate({}, stamps);
+    stamps.quantities.push_back({"a", "hinge.theta", Times()});
+    return model.Evaluate({}, stamps).quantities[0].values;
+  }
+  static std::vector<double> Times() {
+    std::vector<double> out;
+    for (double t = 0.0; t < 5.8; t += 0.01) out.push_back(t);
+    return out;
+  }
+  // What was read.
+  Eigen::VectorXd Record(double damping, double quadratic, std::uint64_t seed) const {
+    Eigen::VectorXd angle = Angle(damping, quadratic);
+    const std::vector<double> times = Times();
     Rng rng(seed);
     std::string text = "t [s],angle [rad]\n";
-    for (std::size_t i = 0; i < stamps.quantities[0].t.size(); ++i) {
-      text += fmt::format(
-          "{:.4f},{:.9f}\n", stamps.quantities[0].t[i],
-          truth.quantities[0].values(static_cast<Eigen::Index>(i)) + 1e-3 * rng.Normal());
+    for (Eigen::Index i = 0; i < angle.size(); ++i) {
+      angle(i) += kSigma * rng.Normal();
+      text += fmt::format("{:.4f},{:.9f}\n", times[static_cast<std::size_t>(i)], angle(i));
     }
     Put("angle.csv", text);
+    return angle;
   }
-  TrialEffects Weigh(double damping, double quadratic, const std::string& clock = "0.0") const {
+  TrialEffects Weigh(double damping, double quadratic, const std::string& clock = "0.0",
+                     bool both = true) const {
     Pendulum(damping, quadratic, 1e-9);
+    const std::string linear =
+        "[parameter.damping]\nkeys = [\"joint.hinge.damper.damping\"]\nstart = 0.02\n"
+        "bounds = [0.0, 0.2]\n";
     const std::string study =
         Put("study.toml",
             "[study]\nscene = \"pendulum.toml\"\n[trial]\noffset = " + clock +
-                "\n"
-                "[trial.channel.angle]\nfile = \"angle.csv\"\nquantity = \"hinge.theta\"\nsigma = "
-                "1e-3\n"
-                "[parameter.damping]\nkeys = [\"joint.hinge.damper.damping\"]\nstart = 0.02\n"
-                "bounds = [0.0, 0.2]\n"
-                "[parameter.quadratic]\nkeys = [\"joint.hinge.quadratic_damper.damping\"]\nstart = "
-                "0.02\n"
-                "bounds = [0.0, 0.2]\n");
+                "\n[trial.channel.angle]\nfile = \"angle.csv\"\nquantity = \"hinge.theta\"\n"
+                "sigma = 1e-3\n" +
+                (both ? linear : "") +
+                "[parameter.quadratic]\nkeys = [\"joint.hinge.quadratic_damper.damping\"]\n"
+                "start = 0.02\nbounds = [0.0, 0.2]\n");
     return WeighTrialEffects(data::ReadStudy(study), {});
   }
   static const TrialEffect& Of(const TrialEffects& e, const std::string& name) {
@@ -233,6 +246,31 @@ TEST_F(TrialEffectsTest, WhatLeavesNothingToCompareIsNeeded) {
   const TrialEffects e = Weigh(0.02, 0.01, "\"free\"");
   EXPECT_EQ(Of(e, "gravity").verdict, EffectVerdict::kNeeded);
   for (const std::string& name : e.left_out) EXPECT_NE(name, "gravity");
+}
+
+// Without its only parameter a study has nothing left to fit, and here no clock either: the model
+// is what it is, and is held against the record all the same.
+TEST_F(TrialEffectsTest, WhatTakesTheOnlyParameterIsJudged) {
+  const Eigen::VectorXd read = Record(0.02, 0.01, 4);
+  const TrialEffects e = Weigh(0.02, 0.01, "0.0", false);
+  const TrialEffect& quadratic = Of(e, "quadratic dampers of the joints");
+  EXPECT_EQ(quadratic.verdict, EffectVerdict::kNeeded) << quadratic.message;
+  EXPECT_TRUE(quadratic.settled);
+  EXPECT_THAT(quadratic.released, ElementsAre("quadratic"));
+  EXPECT_TRUE(quadratic.shifts.empty());
+  const double value = e.fit.record.parameters[0].value;
+  const double without = (read - Angle(0.02, 1e-15)).squaredNorm();
+  const double with = (read - Angle(0.02, value)).squaredNorm();
+  EXPECT_NEAR(quadratic.deviance, (without - with) / (kSigma * kSigma), 0.01 * quadratic.deviance);
+  EXPECT_GT(quadratic.held_out.gain, 3.0 * quadratic.held_out.sigma);
+  EXPECT_EQ(quadratic.held_out.stretches, 8);
+
+  Record(0.02, 1e-12, 4);
+  const TrialEffects none = Weigh(0.02, 1e-4, "0.0", false);
+  const TrialEffect& absent = Of(none, "quadratic dampers of the joints");
+  EXPECT_NE(absent.verdict, EffectVerdict::kNeeded);
+  EXPECT_NE(absent.verdict, EffectVerdict::kFailed) << absent.message;
+  EXPECT_LT(absent.probability, 0.5);
 }
 
 // Without a trace of it in the trial an effect is never called needed.

@@ -1,6 +1,7 @@
 // Versions of a fitted study, refitted from where it came out, against fits of their own.
 #include "correlate/fit/refit.h"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -106,13 +107,32 @@ TEST_F(RefitTest, ABudgetIsKept) {
   EXPECT_THROW(Of(fit, versions.AsItIs(), how), Error);
 }
 
+// No parameter is left: the motion is what it is.
+TEST_F(RefitTest, WithoutParametersTheModelIsHeldAgainstTheRecord) {
+  const data::Study study = BeamStudy();
+  const StudyFit fit = Fit(study);
+  ASSERT_TRUE(fit.Usable());
+  const double value = fit.record.parameters[0].value;
+  const EffectVersions versions(study, fit);
+  const correlate::Refitted as_is = Of(fit, versions.AsItIs(), {});
+  const correlate::Refitted same =
+      Of(fit, versions.Switched({fmt::format("beam.a.EI={:.17g}", value)}, true), {});
+  const correlate::Refitted off =
+      Of(fit, versions.Switched({fmt::format("beam.a.EI={:.17g}", 1.2 * value)}, true), {});
+  for (const correlate::Refitted* found : {&same, &off}) {
+    EXPECT_EQ(found->status, correlate::RefitStatus::kSettled) << found->message;
+    EXPECT_TRUE(found->theta.empty());
+  }
+  EXPECT_NEAR(same.whitened[0].squaredNorm(), as_is.whitened[0].squaredNorm(), 1.0);
+  EXPECT_GT(off.whitened[0].squaredNorm(), 10.0 * as_is.whitened[0].squaredNorm());
+}
+
 TEST_F(RefitTest, BadInputIsNamed) {
   const data::Study study = BeamStudy();
   const StudyFit fit = Fit(study);
   ASSERT_TRUE(fit.Usable());
   const EffectVersions versions(study, fit);
   EXPECT_THROW(versions.Switched({"beam.a.dampng=0"}, true), Error);
-  EXPECT_THROW(versions.Switched({"beam.a.EI=1"}, true), Error);  // no parameter is left
   const correlate::Refits refits(fit.problem(), fit.result, fit.binding->options);
   correlate::FitProblem other = fit.problem();
   other.parameters[0].name = "another";
