@@ -142,9 +142,10 @@ function(unfurl_rooms_first program)
   target_link_options(${program} PRIVATE LINKER:--whole-archive ${whole} LINKER:--no-whole-archive)
 endfunction()
 
-# Each TEST becomes one CTest entry; LABELS slow keeps it out of the default set. Those that the filters SLOW name are
-# kept out of it by themselves, and those of THOROUGH become a slow one besides; slow ones make all of the repeats that
-# tests/repeats.h leaves out of the quick ones.
+# Each suite of tests becomes one CTest entry (tests/suites.cmake): a start of a program costs as much as a small test,
+# and what a suite's tests share is made once. Of programs with LABELS slow, which keeps them out of the default set, each
+# TEST does. Those that the filters SLOW name are kept out of it by themselves, and those of THOROUGH become a slow one
+# besides; slow ones make all of the repeats that tests/repeats.h leaves out of the quick ones.
 function(unfurl_test name)
   cmake_parse_arguments(ARG "" "TIMEOUT" "SOURCES;LINKS;LABELS;SLOW;THOROUGH" ${ARGN})
   if(NOT ARG_TIMEOUT)
@@ -170,8 +171,18 @@ function(unfurl_test name)
   list(JOIN ARG_SLOW ":" slow)
   list(JOIN ARG_THOROUGH ":" thorough)
   set(discovery DISCOVERY_MODE PRE_TEST DISCOVERY_TIMEOUT 60)
-  gtest_discover_tests(${name} ${discovery} TEST_FILTER "-${slow}"
-    PROPERTIES TIMEOUT ${ARG_TIMEOUT} LABELS "${ARG_LABELS}")
+  if(ARG_LABELS)
+    gtest_discover_tests(${name} ${discovery} TEST_FILTER "-${slow}"
+      PROPERTIES TIMEOUT ${ARG_TIMEOUT} LABELS "${ARG_LABELS}")
+  else()
+    file(GENERATE OUTPUT ${CMAKE_CURRENT_BINARY_DIR}/${name}_suites.cmake CONTENT
+"set(program \"$<TARGET_FILE:${name}>\")
+set(left_out \"${slow}\")
+set(timeout ${ARG_TIMEOUT})
+include(\"${PROJECT_SOURCE_DIR}/tests/suites.cmake\")
+")
+    set_property(DIRECTORY APPEND PROPERTY TEST_INCLUDE_FILES ${CMAKE_CURRENT_BINARY_DIR}/${name}_suites.cmake)
+  endif()
   if(slow)
     gtest_discover_tests(${name} ${discovery} TEST_FILTER "${slow}"
       PROPERTIES TIMEOUT 3600 LABELS slow ENVIRONMENT UNFURL_THOROUGH=1)

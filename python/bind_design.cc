@@ -42,6 +42,7 @@ py::dict ByName(const std::vector<std::string>& names, const std::vector<double>
 std::vector<DesignCase> CasesOf(const study::StudyDesign& design,
                                 const std::vector<study::DesignCase>& cases) {
   std::vector<DesignCase> out;
+  out.reserve(cases.size());
   for (const study::DesignCase& one : cases) {
     out.push_back({one, design.tells.parameters, study::FactorOf(design, one)});
   }
@@ -104,6 +105,7 @@ Design DesignStudy(const py::object& study_or_path, const py::object& set,
 std::vector<Contribution> Told(const Design& design,
                                const std::vector<correlate::Contribution>& parts) {
   std::vector<Contribution> out;
+  out.reserve(parts.size());
   for (const correlate::Contribution& part : parts) {
     out.push_back({part, design.found.tells.parameters});
   }

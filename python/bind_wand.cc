@@ -129,7 +129,7 @@ WandResult CalibrateWand(const py::object& readings, const py::object& bar, doub
   }
   const std::string name = PathOf(wand->sources, "readings");
   const auto rig_from = [&](const py::object& rig) {
-    const auto read = RecordFrom<Rig>(rig, "a Rig", &data::ReadRig);
+    auto read = RecordFrom<Rig>(rig, "a Rig", &data::ReadRig);
     sources = Joined(std::move(sources), read->sources);
     return read;
   };

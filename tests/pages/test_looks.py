@@ -2,7 +2,7 @@
 
 import pytest
 
-from conftest import NAMES, WHERE
+from conftest import WHERE
 
 TEXT = """function (of) {
   return Array.from(document.querySelectorAll(of)).map(e => e.textContent);
@@ -129,7 +129,8 @@ def test_paper_has_the_colours_of_paper(browser, pages, paper):
     assert after == before and before[3] != [255, 255, 255] and before[2] != first
 
 
-@pytest.mark.parametrize("name", NAMES)
+# Between them they have every kind of panel.
+@pytest.mark.parametrize("name", ["simulate", "correlate", "calibrate", "reconstruct", "ambient", "campaign", "fit", "design"])
 @pytest.mark.parametrize("where", ["desk"])
 def test_a_page_is_as_wide_as_paper(browser, pages, paper, name, where):
     browser.look(pages[name].as_uri(), **WHERE[where])
