@@ -113,8 +113,9 @@ std::vector<std::string> RawToSurvey(const Common& common, const data::RawLayout
   throw Error(
       fmt::format("{} cannot become '{}'", what, std::filesystem::path(out).extension().string()),
       out,
-      "runs become .csv; surveys go between .h5 and .csv; tracks between .h5, .csv, .c3d and "
-      ".uff; a description of raw lines (.toml) becomes a trial or a survey (.h5)");
+      "runs become .csv; surveys and readings of a bar go between .h5 and .csv; tracks between "
+      ".h5, .csv, .c3d and .uff; a description of raw lines (.toml) becomes a trial or a survey "
+      "(.h5)");
 }
 
 std::string ConvertFile(const Common& common, const std::string& in, const std::string& out,

@@ -26,14 +26,46 @@ void Add(const CsvTable& table, std::size_t row, int u_column, int s_column, std
   if (!std::isnan(cell.u_px)) out->Add(point, camera, cell.u_px, cell.s_px);
 }
 
+// What a row's reading is of: its id, or a bar's pose and mark, 12 and a.
+class RowNames {
+ public:
+  explicit RowNames(const CsvTable& table)
+      : table_(table), pose_(table.Find("pose")), mark_(table.Find("mark")) {
+    if (pose_ < 0 || mark_ < 0) id_ = table.Require("id", "");
+  }
+  std::string Of(std::size_t row) const {
+    return id_ >= 0 ? table_.Text(row, id_) : table_.Text(row, pose_) + table_.Text(row, mark_);
+  }
+
+ private:
+  const CsvTable& table_;
+  int pose_, mark_, id_ = -1;
+};
+
+// Marks that flash one after another are in no one place of a bar that moves.
+void RefuseMoving(const CsvTable& table) {
+  const int pose = table.Find("pose"), time = table.Find("time");
+  if (pose < 0 || time < 0) return;
+  std::map<std::string, std::string> at;  // by pose
+  for (std::size_t row = 0; row < table.rows(); ++row) {
+    const std::string& first =
+        at.try_emplace(table.Text(row, pose), table.Text(row, time)).first->second;
+    if (table.Text(row, time) == first) continue;
+    throw Error("marks of one pose flash at different times, as of a bar that moves",
+                table.Where(row, time),
+                "give readings of a bar that stood still, without 'time', or flashed all at once");
+  }
+}
+
 ReadingRepeats Collect(const CsvTable& table) {
+  RefuseMoving(table);
   ReadingRepeats out;
-  const int id = table.Require("id", "");
+  const RowNames names(table);
   if (table.Find("camera") >= 0) {
     const int camera = table.Require("camera", "");
     const int u = table.Require("u", "px"), s = table.Require("s", "px");
     for (std::size_t row = 0; row < table.rows(); ++row) {
-      const std::size_t point = out.Point(table.Text(row, id));
+      const std::size_t point = out.Point(names.Of(row));
       Add(table, row, u, s, point, out.Camera(table.Text(row, camera)), &out);
     }
     return out;
@@ -46,7 +78,7 @@ ReadingRepeats Collect(const CsvTable& table) {
   NameCameras(table, &columns);
   for (const std::string& name : columns.cameras) out.Camera(name);
   for (std::size_t row = 0; row < table.rows(); ++row) {
-    const std::size_t point = out.Point(table.Text(row, id));
+    const std::size_t point = out.Point(names.Of(row));
     for (std::size_t c = 0; c < columns.u.size(); ++c) {
       Add(table, row, columns.u[c], columns.s[c], point, c, &out, PixelsOf(columns, c));
     }

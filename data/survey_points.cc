@@ -143,6 +143,10 @@ double PositiveSigma(const CsvTable& table, std::size_t row, int column) {
 }
 
 void ReadIds(const CsvTable& table, Survey* survey) {
+  if (table.Find("id") < 0 && table.Find("pose") >= 0) {
+    throw Error("holds readings of a bar, and no surveyed points", table.path(),
+                "calibrate by it with --wand (in Python calibrate_wand)");
+  }
   const int id = table.Require("id", "");
   std::set<std::string> seen;
   for (std::size_t i = 0; i < table.rows(); ++i) {

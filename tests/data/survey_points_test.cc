@@ -215,5 +215,22 @@ TEST_F(SurveyPoints, LongReadingsJoinPointsById) {
   EXPECT_THAT(survey.notes, Contains(HasSubstr("1 ids were not surveyed")));
 }
 
+// A wave of a bar is checked as its placements are, and is no survey.
+TEST_F(SurveyPoints, ABarsReadingsAreNamedByPoseAndMark) {
+  const ReadingTable bar = ReadReadingsCsv(
+      Write("bar.csv", "pose,mark,u1 [px],s1 [px]\n12,a,5,0.1\n12,b,6,0.1\n3,a,7,0.1\n"));
+  EXPECT_THAT(bar.id, ::testing::ElementsAre("12a", "12b", "3a"));
+  const std::string moves =
+      Write("moves.csv", "pose,mark,time [s],u1 [px],s1 [px]\n1,a,0,5,0.1\n1,b,0.002,6,0.1\n");
+  EXPECT_THROW(ReadReadingsCsv(moves), Error);
+  try {
+    Points("pose,mark,u1 [px],s1 [px]\n12,a,5,0.1\n");
+    ADD_FAILURE() << "taken for a survey";
+  } catch (const Error& e) {
+    EXPECT_THAT(e.what(), HasSubstr("holds readings of a bar"));
+    EXPECT_THAT(e.what(), HasSubstr("--wand"));
+  }
+}
+
 }  // namespace
 }  // namespace unfurl::data::survey_points_test
