@@ -162,5 +162,21 @@ TEST_F(WandVerb, BadInputIsRefusedByName) {
                 {"few.csv", "two.csv", "wand.csv"});
 }
 
+TEST_F(WandVerb, ReadingsOfABarAreConvertedAndAreNoSurvey) {
+  Put("bar.csv",
+      "# cameras: a, b, c\npose,mark,u1 [px],s1 [px],u2 [px],s2 [px],u3 [px],s3 [px]\n"
+      "1,a,5.25,0.1,6,0.1,7,0.1\n1,b,8,0.1,,,9.5,0.1\n");
+  ASSERT_EQ(Run({"convert", "bar.csv", "bar.h5"}).code, 0);
+  ASSERT_EQ(Run({"convert", "bar.h5", "again.csv"}).code, 0);
+  EXPECT_THAT(Get("again.csv"),
+              AllOf(HasSubstr("# cameras: a, b, c"), HasSubstr("\n1,a,5.25,0.1,6"),
+                    HasSubstr("\n1,b,8,0.1,,,9.5,0.1")));
+  const std::vector<std::string> files = Files();
+  ExpectRefused(Run({"convert", "bar.csv", "bar.c3d"}),
+                {"bar.c3d", "readings of a bar cannot become '.c3d'"}, files);
+  ExpectRefused(Run({"calibrate", "bar.csv"}), {"bar.csv", "holds readings of a bar", "--wand"},
+                files);
+}
+
 }  // namespace
 }  // namespace unfurl::cli::wand_test
