@@ -281,8 +281,8 @@ class WandProblem {
   std::unique_ptr<ceres::LossFunction> reading_loss_, survey_loss_;
   std::unique_ptr<ceres::Manifold> pose_manifold_;
   std::vector<std::unique_ptr<ceres::Manifold>> manifolds_;
-  Eigen::Index place_count_,
-      common_count_;  // of marks but the first; of what a station does to all
+  Eigen::Index place_count_;   // marks but the first
+  Eigen::Index common_count_;  // of what a station does to all points
   BlockStore blocks_;
   std::vector<double*> camera_, pose_, point_;
   double *places_ = nullptr, *common_ = nullptr;

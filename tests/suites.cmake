@@ -9,7 +9,8 @@ endif()
 # The list is kept until the program changes; one that was cut off is none.
 set(list "${program}_list.cmake")
 if(NOT EXISTS "${list}" OR "${program}" IS_NEWER_THAN "${list}"
-   OR "${CMAKE_CURRENT_LIST_FILE}" IS_NEWER_THAN "${list}")
+   OR "${CMAKE_CURRENT_LIST_FILE}" IS_NEWER_THAN "${list}"
+   OR "${CMAKE_PARENT_LIST_FILE}" IS_NEWER_THAN "${list}")
   set(filter)
   if(left_out)
     set(filter "-${left_out}")
