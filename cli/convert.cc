@@ -118,6 +118,19 @@ std::vector<std::string> RawToSurvey(const Common& common, const data::RawLayout
       "(.h5)");
 }
 
+void ConvertWand(const std::string& in, const std::string& out, data::Provenance& provenance) {
+  const data::FileFormat to = data::FormatOf(out);
+  const bool to_csv = to == data::FileFormat::kCsv;
+  if (!to_csv && to != data::FileFormat::kHdf5) Refuse("readings of a bar", out);
+  const data::WandReadings readings = data::ReadWand(in);
+  provenance.AddInput(in);
+  if (to_csv) {
+    data::WriteWandCsv(out, readings);
+  } else {
+    data::WriteWand(out, readings, provenance);
+  }
+}
+
 std::string ConvertFile(const Common& common, const std::string& in, const std::string& out,
                         double sigma, std::vector<std::string>* notes) {
   const data::FileFormat from = data::FormatOf(in), to = data::FormatOf(out);
@@ -143,15 +156,7 @@ std::string ConvertFile(const Common& common, const std::string& in, const std::
     return schema;
   }
   if (schema == data::kWandSchema) {
-    const bool to_csv = to == data::FileFormat::kCsv;
-    if (!to_csv && to != data::FileFormat::kHdf5) Refuse("readings of a bar", out);
-    const data::WandReadings readings = data::ReadWand(in);
-    provenance.AddInput(in);
-    if (to_csv) {
-      data::WriteWandCsv(out, readings);
-    } else {
-      data::WriteWand(out, readings, provenance);
-    }
+    ConvertWand(in, out, provenance);
     return schema;
   }
   if (from == data::FileFormat::kCsv) {

@@ -21,10 +21,6 @@ struct Calibration {
   calib::CalibrationReport report;
 };
 
-std::string NameOf(const std::vector<Source>& sources) {
-  return sources.empty() ? "survey" : sources.front().path;
-}
-
 Calibration Calibrate(const py::object& survey_or_path, const std::string& lens,
                       const std::string& order, double need, int folds, std::uint64_t seed,
                       std::size_t workers, const py::object& lenses, bool steady,
@@ -46,7 +42,8 @@ Calibration Calibrate(const py::object& survey_or_path, const std::string& lens,
   CallbackError errors;
   options.progress = ProgressOf(progress, &errors);
   return LongWithCallbacks(errors, [&] {
-    calib::Calibration found = calib::Calibrate(survey->data, options, NameOf(survey->sources));
+    calib::Calibration found =
+        calib::Calibrate(survey->data, options, NameOf(survey->sources, "survey"));
     return Calibration{std::make_shared<Rig>(Rig{std::move(found.rig), survey->sources}),
                        std::move(found.report)};
   });
@@ -75,7 +72,7 @@ calib::CheckResult Check(const py::object& rig_or_path, const py::object& survey
   }
   const auto survey = RecordFrom<Survey>(survey_or_path, "a Survey", &data::ReadSurvey);
   return Long([&] {
-    return calib::CheckPoints(rig->data, survey->data, NameOf(survey->sources), options);
+    return calib::CheckPoints(rig->data, survey->data, NameOf(survey->sources, "survey"), options);
   });
 }
 

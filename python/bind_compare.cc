@@ -43,11 +43,8 @@ struct Side {
   std::shared_ptr<Run> run;
   std::shared_ptr<Tracks> tracks;
   correlate::ComparedRecord record() const {
-    if (run != nullptr) return {run->data, NameOf(run->sources)};
-    return {tracks->data, NameOf(tracks->sources)};
-  }
-  static std::string NameOf(const std::vector<Source>& sources) {
-    return sources.empty() ? "record" : sources.front().path;
+    if (run != nullptr) return {run->data, NameOf(run->sources, "record")};
+    return {tracks->data, NameOf(tracks->sources, "record")};
   }
 };
 

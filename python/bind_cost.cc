@@ -32,11 +32,9 @@ SceneCost Cost(const py::object& scene_or_path, const py::object& set,
   options.Check();
   const auto scene = SceneFrom(scene_or_path, set);
   CallbackError errors;
-  const auto done = ProgressOf(progress, &errors);
-  return LongWithCallbacks(errors, [&] {
-    return study::StudySceneCost(scene->scene, options,
-                                 [&](double part, const std::string&) { done(part); });
-  });
+  const auto done = StepProgressOf(progress, &errors);
+  return LongWithCallbacks(errors,
+                           [&] { return study::StudySceneCost(scene->scene, options, done); });
 }
 
 // Of a setting that gave a result.

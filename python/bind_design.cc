@@ -66,11 +66,9 @@ Design DesignStudy(const py::object& study_or_path, const py::object& set,
     options.candidates = data::ReadDesign(PathFrom(candidates, "a path of candidates").string());
   }
   if (!lab_or_path.is_none()) {
-    const data::Lab lab = py::isinstance<data::Lab>(lab_or_path)
-                              ? lab_or_path.cast<data::Lab&>()
-                              : data::ReadLab(PathFrom(lab_or_path, "a Lab or a path").string());
-    options.cycle = lab.strobe.slots;
-    options.line_rate = lab.strobe.line_rate;
+    const auto lab = LabFrom(lab_or_path);
+    options.cycle = lab->strobe.slots;
+    options.line_rate = lab->strobe.line_rate;
   }
   if (!rig_or_path.is_none()) {
     const auto rig = RecordFrom<Recorded<data::Rig>>(rig_or_path, "a Rig", &data::ReadRig);
@@ -82,8 +80,7 @@ Design DesignStudy(const py::object& study_or_path, const py::object& set,
     };
   }
   CallbackError errors;
-  const auto done = ProgressOf(progress, &errors);
-  options.progress = [&](double share, const std::string&) { done(share); };
+  options.progress = StepProgressOf(progress, &errors);
   return LongWithCallbacks(errors, [&] {
     Design out;
     out.found = study::DesignStudy(study, options);

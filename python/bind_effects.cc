@@ -54,8 +54,7 @@ SceneEffects EffectsOfScene(const py::object& scene, const py::object& set, doub
   SceneEffects out;
   out.of = {PathFrom(scene, "the path of a scene").string(), OverridesFrom(set)};
   CallbackError errors;
-  const auto done = ProgressOf(progress, &errors);
-  options.progress = [&](double share, const std::string&) { done(share); };
+  options.progress = StepProgressOf(progress, &errors);
   return LongWithCallbacks(errors, [&] {
     out.found = study::WeighEffects(out.of.path, out.of.set, options);
     return out;
@@ -74,8 +73,7 @@ StudyEffects EffectsOfStudy(const py::object& study_or_path, const py::object& s
   options.Check();
   const data::Study study = StudyFrom(study_or_path, set);
   CallbackError errors;
-  const auto done = ProgressOf(progress, &errors);
-  options.progress = [&](double share, const std::string&) { done(share); };
+  options.progress = StepProgressOf(progress, &errors);
   return LongWithCallbacks(errors, [&] {
     StudyEffects out;
     out.of = {study.scene, study.set};

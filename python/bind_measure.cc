@@ -24,11 +24,6 @@ using Run = Recorded<data::Run>;
 using Rig = Recorded<data::Rig>;
 using Survey = Recorded<data::Survey>;
 
-std::shared_ptr<data::Lab> LabFrom(const py::object& object) {
-  if (py::isinstance<data::Lab>(object)) return object.cast<std::shared_ptr<data::Lab>>();
-  return std::make_shared<data::Lab>(data::ReadLab(PathFrom(object, "a Lab or a path").string()));
-}
-
 py::tuple Expose(const py::object& run_or_path, const py::object& lab_or_path,
                  const fs::path& output, std::size_t workers, const py::object& progress) {
   const auto run = RecordFrom<Run>(run_or_path, "a Run",

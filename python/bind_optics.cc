@@ -319,6 +319,11 @@ void BindLab(py::module_& m) {
 
 }  // namespace
 
+std::shared_ptr<data::Lab> LabFrom(const py::object& object) {
+  if (py::isinstance<data::Lab>(object)) return object.cast<std::shared_ptr<data::Lab>>();
+  return std::make_shared<data::Lab>(data::ReadLab(PathFrom(object, "a Lab or a path").string()));
+}
+
 void BindOptics(py::module_& m) {
   BindSurvey(m);
   BindRig(m);

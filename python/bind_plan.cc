@@ -36,8 +36,7 @@ void SetPlannedPoints(const py::object& points, const std::string& station,
   const auto places = RecordFrom<Survey>(points, "a number, a Survey", &data::ReadPointsCsv);
   calib::PlannedStation by{.accuracy = station, .where = "station", .sigma = sigma};
   if (at) by.at = Eigen::Vector3d::Map(at->data());
-  options->survey = calib::PlannedSurvey(
-      places->data, by, places->sources.empty() ? "points" : places->sources.front().path);
+  options->survey = calib::PlannedSurvey(places->data, by, NameOf(places->sources, "points"));
 }
 
 Plan MakePlan(const py::object& lab_or_rig, const py::object& points, const std::string& station,

@@ -79,8 +79,20 @@ calib::WandBar BarFrom(const py::object& bar, double sigma) {
   return out;
 }
 
-std::string PathOf(const std::vector<Source>& sources, const char* otherwise) {
-  return sources.empty() ? otherwise : sources.front().path;
+// Three cameras, or two poses, or none of them.
+void SetFrameOf(const std::vector<std::string>& frame, const std::string& plumb,
+                const std::string& origin, calib::WandFrame* out) {
+  out->cameras = frame;
+  out->plumb = plumb;
+  out->origin = origin;
+  if (!frame.empty() && (!plumb.empty() || frame.size() != 3)) {
+    throw Error(plumb.empty() ? "is not three cameras" : "is given beside plumb", "frame",
+                "give the cameras of origin, x and y, or a plumb pose with its origin");
+  }
+  if (plumb.empty() != origin.empty()) {
+    throw Error("is given without its other half", plumb.empty() ? "origin" : "plumb",
+                "give both poses: one in which the bar hung plumb, one for origin and x");
+  }
 }
 
 WandResult CalibrateWand(const py::object& readings, const py::object& bar, double bar_sigma,
@@ -98,17 +110,7 @@ WandResult CalibrateWand(const py::object& readings, const py::object& bar, doub
   options.verdict.need = need;
   options.folds = folds;
   options.workers = workers;
-  options.frame.cameras = frame;
-  options.frame.plumb = plumb;
-  options.frame.origin = origin;
-  if (!frame.empty() && (!plumb.empty() || frame.size() != 3)) {
-    throw Error(plumb.empty() ? "is not three cameras" : "is given beside plumb", "frame",
-                "give the cameras of origin, x and y, or a plumb pose with its origin");
-  }
-  if (plumb.empty() != origin.empty()) {
-    throw Error("is given without its other half", plumb.empty() ? "origin" : "plumb",
-                "give both poses: one in which the bar hung plumb, one for origin and x");
-  }
+  SetFrameOf(frame, plumb, origin, &options.frame);
   const calib::WandBar length = BarFrom(bar, bar_sigma);
   const auto wand = RecordFrom<Wand>(readings, "a Wand", &data::ReadWand);
   std::vector<Source> sources = wand->sources;
@@ -118,16 +120,15 @@ WandResult CalibrateWand(const py::object& readings, const py::object& bar, doub
     using Survey = Recorded<data::Survey>;
     const auto read = RecordFrom<Survey>(points, "a Survey", &data::ReadSurvey);
     survey = read->data;
-    survey_name = PathOf(read->sources, "points");
+    survey_name = NameOf(read->sources, "points");
     sources = Joined(std::move(sources), read->sources);
   }
   std::shared_ptr<data::Lab> lab;
-  if (py::isinstance<data::Lab>(layout)) {
-    lab = layout.cast<std::shared_ptr<data::Lab>>();
-  } else if (!layout.is_none()) {
-    lab = std::make_shared<data::Lab>(data::ReadLab(PathFrom(layout, "a Lab or a path").string()));
+  if (!layout.is_none()) {
+    lab = LabFrom(layout);
+    sources = Joined(std::move(sources), {SourceOf(lab->path)});
   }
-  const std::string name = PathOf(wand->sources, "readings");
+  const std::string name = NameOf(wand->sources, "readings");
   const auto rig_from = [&](const py::object& rig) {
     auto read = RecordFrom<Rig>(rig, "a Rig", &data::ReadRig);
     sources = Joined(std::move(sources), read->sources);
@@ -137,7 +138,7 @@ WandResult CalibrateWand(const py::object& readings, const py::object& bar, doub
   if (!start.is_none()) {
     const auto rig = rig_from(start);
     options.fit.from =
-        calib::CamerasOf(rig->data, wand->data.cameras, PathOf(rig->sources, "start"));
+        calib::CamerasOf(rig->data, wand->data.cameras, NameOf(rig->sources, "start"));
   }
   if (lab) options.frame.layout = calib::PlannedPlaces(*lab);
   options.Check();

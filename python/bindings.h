@@ -21,6 +21,10 @@
 #include "base/error.h"
 #include "data/provenance.h"
 
+namespace unfurl::data {
+struct Lab;
+}
+
 namespace unfurl::python {
 
 namespace py = pybind11;
@@ -68,6 +72,8 @@ struct Source {
   fs::file_time_type time;
 };
 Source SourceOf(const fs::path& path);
+/// The first one's path, for messages; `otherwise` of a record that came from no file.
+std::string NameOf(const std::vector<Source>& sources, const char* otherwise);
 
 /// A record of the library with the files that it was made from. Arrays of a record are views into
 /// it, so records do not change once Python has them.
@@ -198,6 +204,10 @@ std::shared_ptr<py::object> Shared(const py::object& callable);
 /// share that is done.
 std::function<void(double)> ProgressOf(const py::object& progress, CallbackError* errors);
 
+/// The same for calls that also say what they are at.
+std::function<void(double, const std::string&)> StepProgressOf(const py::object& progress,
+                                                               CallbackError* errors);
+
 /// {"joint.j.spring.stiffness": 3.0} or ["key=value"] as the overrides of the TOML readers.
 std::vector<std::string> OverridesFrom(const py::object& set);
 
@@ -221,6 +231,9 @@ std::shared_ptr<T> RecordFrom(const py::object& object, const std::string& wante
   const py::gil_scoped_release released;
   return std::make_shared<T>(T{read(path.string()), {source}});
 }
+
+/// A laboratory as it is, or read from the path that was given in its place.
+std::shared_ptr<data::Lab> LabFrom(const py::object& lab_or_path);
 
 /// Parts of a record as a list; each keeps the record alive.
 template <class Part>

@@ -228,6 +228,15 @@ std::function<void(double)> ProgressOf(const py::object& progress, CallbackError
   };
 }
 
+std::function<void(double, const std::string&)> StepProgressOf(const py::object& progress,
+                                                               CallbackError* errors) {
+  return [done = ProgressOf(progress, errors)](double share, const std::string&) { done(share); };
+}
+
+std::string NameOf(const std::vector<Source>& sources, const char* otherwise) {
+  return sources.empty() ? otherwise : sources.front().path;
+}
+
 void ReadingsFrom(const py::object& u, const py::object& s, std::size_t cameras,
                   Eigen::MatrixXd* u_px, Eigen::MatrixXd* s_px) {
   const auto c = static_cast<py::ssize_t>(cameras);
@@ -238,8 +247,9 @@ void ReadingsFrom(const py::object& u, const py::object& s, std::size_t cameras,
   } else {
     *s_px = PointsFrom(s, {c}, "s").transpose();
   }
-  if (s_px->rows() != u_px->rows())
+  if (s_px->rows() != u_px->rows()) {
     throw py::value_error("u and s: expected the same number of rows");
+  }
   if (u_px->array().isInf().any()) throw py::value_error("u: expected pixels, or NaN: not seen");
   if (!(u_px->array().isNaN() || (s_px->array() > 0.0 && s_px->array().isFinite())).all()) {
     throw py::value_error("s: expected a positive number for every reading");

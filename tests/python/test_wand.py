@@ -2,6 +2,7 @@
 
 import itertools
 import pickle
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -116,6 +117,16 @@ def test_a_frame_by_three_cameras(wave):
     np.testing.assert_allclose(places[names[0]], 0.0, atol=1e-9)
     np.testing.assert_allclose(places[names[1]][1:], 0.0, atol=1e-9)
     assert places[names[1]][0] > 0.0
+
+
+def test_a_planned_layout_tells_the_mirror_image_and_is_an_input(wave, tmp_path):
+    lab = SETS / "deployment" / "lab.toml"
+    ends, _ = waved(wave[0], 40, 9)
+    u = wave[0].readings(ends) + np.random.default_rng(9).normal(0.0, 0.02, (80, 4))
+    result = unfurl.calibrate_wand(bar_of(wave[0], u), LENGTH, bar_sigma=1e-4, layout=unfurl.load(lab))
+    assert result.handed and "planned places" in result.frame
+    result.rig.write(tmp_path / "rig.h5")
+    assert [Path(i["path"]).name for i in run("info", "rig.h5", cwd=tmp_path)["inputs"]] == ["lab.toml"]
 
 
 def test_known_lenses_take_fewer_poses(wave):
