@@ -4,6 +4,7 @@
 
 #include <cmath>
 
+#include "data/atomic_file.h"
 #include "data/tracks.h"
 
 namespace unfurl::cli {
@@ -25,6 +26,15 @@ std::pair<double, double> JobResult::Estimate(const std::string& parameter) cons
   }
   ADD_FAILURE() << "the fit tells nothing of " << parameter;
   return {std::nan(""), std::nan("")};
+}
+
+std::string MainJobTest::StudyOnFourSegments(const std::string& more) const {
+  std::string text = data::ReadTextFile(Shipped("study.toml"));
+  const std::string scene = "scene_suspension.toml";
+  text.replace(text.find(scene), scene.size(), Shipped("scene_suspension_4.toml"));
+  const std::string path = (folder_ / "four.toml").string();
+  data::WriteTextFile(path, text + more);
+  return path;
 }
 
 Outcome MainJobTest::Good(const std::vector<std::string>& arguments) const {

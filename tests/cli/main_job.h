@@ -33,6 +33,8 @@ class MainJobTest : public ProgramTest {
   // Runs expose, calibrate, reconstruct and fit in the test's folder; test failures tell which step
   // failed and what it said.
   void RunJob(const JobSettings& settings, JobResult* result) const;
+  // The shipped study on four segments a beam, in the test's folder; `more` is added at its end.
+  std::string StudyOnFourSegments(const std::string& more = "") const;
   // Runs a step and expects exit code 0.
   Outcome Good(const std::vector<std::string>& arguments) const;
 };

@@ -1,4 +1,4 @@
-// The main job on half of the trial; main_job_slow_test.cc runs the whole, with many seeds.
+// The main job on half of the trial and the segments; main_job_slow_test.cc runs the whole, with many seeds.
 #include "tests/cli/main_job.h"
 
 #include <gmock/gmock.h>
@@ -16,6 +16,7 @@ constexpr double kRelativeError = 0.10;  // standard error over value, at most
 TEST_F(MainJobTest, FromSceneToParametersAndPages) {
   JobSettings settings;
   settings.segments = 12;
+  settings.study = StudyOnFourSegments();
   settings.duration = 2.5;
   settings.clearance = 0.0057;
   settings.damping = 1.9e-4;

@@ -5,7 +5,6 @@
 #include <cstdlib>
 #include <filesystem>
 
-#include "data/atomic_file.h"
 #include "data/fit.h"
 #include "tests/cli/main_job.h"
 
@@ -19,25 +18,14 @@ void ExpectSameBits(double a, double b, const std::string& what) {
       << what << ": " << a << " and " << b;
 }
 
-class ExamplesTest : public MainJobTest {
- protected:
-  // The shipped study on four segments, to the first latch and a little on, without profiles: what
-  // is compared are bits, which a shorter job has as well.
-  std::string ShortStudy() const {
-    std::string text = data::ReadTextFile(Shipped("study.toml"));
-    const std::string scene = "scene_suspension.toml";
-    text.replace(text.find(scene), scene.size(), Shipped("scene_suspension_4.toml"));
-    const std::string path = (folder_ / "short.toml").string();
-    data::WriteTextFile(path, text + "[profile]\nlevels = []\n");
-    return path;
-  }
-};
+using ExamplesTest = MainJobTest;
 
 TEST_F(ExamplesTest, MainJobGivesTheProgramsNumbersToTheBit) {
   JobSettings settings;
   settings.segments = 8;
   settings.duration = 1.2;
-  settings.study = ShortStudy();
+  // To the first latch and a little on, without profiles: a shorter job has its bits as well.
+  settings.study = StudyOnFourSegments("[profile]\nlevels = []\n");
   settings.clearance = 0.0057;
   settings.damping = 1.9e-4;
   JobResult by_program;

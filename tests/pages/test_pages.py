@@ -25,7 +25,9 @@ def test_opens_without_errors_requests_or_overflow(browser, pages, axe, name, wh
     assert levels[0] == 1 and levels.count(1) == 1
     assert all(below - above <= 1 for above, below in zip(levels, levels[1:]))
     assert pages[name].stat().st_size < 4e6
-    if not axe:  # a Chromium without its own tools carries none
+    # A Chromium without its own tools carries none. Colours and the order of things are of all pages: half of them
+    # are looked at on the desk, half on a telephone in the dark.
+    if not axe or (NAMES.index(name) % 2 == 0) != (where == "desk"):
         return
     browser.run(axe + ";0")
     # Drawings have a name each; within them there is nothing to look at for axe but time.
