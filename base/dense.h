@@ -33,31 +33,49 @@ using DenseOperand = Eigen::internal::const_blas_data_mapper<double, Eigen::Inde
                                                      unfurl::DenseOperand<Eigen::ORDER>,       \
                                                      unfurl::DenseKernel::nr, Eigen::ORDER>;
 
+// Solutions for right sides of a type; a class's own members do not hold these.
+#define UNFURL_DENSE_SOLVE(HOW, RIGHT)                                                             \
+  HOW template void Eigen::ColPivHouseholderQR<Eigen::MatrixXd>::_solve_impl(const RIGHT&, RIGHT&) \
+      const;                                                                                       \
+  HOW template void Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd>::_solve_impl(          \
+      const RIGHT&, RIGHT&) const;                                                                 \
+  HOW template void Eigen::LDLT<Eigen::MatrixXd, Eigen::Lower>::_solve_impl_transposed<true>(      \
+      const RIGHT&, RIGHT&) const;                                                                 \
+  HOW template void Eigen::LLT<Eigen::MatrixXd, Eigen::Lower>::_solve_impl_transposed<true>(       \
+      const RIGHT&, RIGHT&) const;
+
 // HOW: extern here, empty in dense.cc.
-#define UNFURL_DENSE(HOW)                                                                        \
-  UNFURL_DENSE_PRODUCT(HOW, ColMajor, ColMajor)                                                  \
-  UNFURL_DENSE_PRODUCT(HOW, ColMajor, RowMajor)                                                  \
-  UNFURL_DENSE_PRODUCT(HOW, RowMajor, ColMajor)                                                  \
-  UNFURL_DENSE_PRODUCT(HOW, RowMajor, RowMajor)                                                  \
-  UNFURL_DENSE_PACK(HOW, ColMajor)                                                               \
-  UNFURL_DENSE_PACK(HOW, RowMajor)                                                               \
-  HOW template struct Eigen::internal::gebp_kernel<                                              \
-      double, double, Eigen::Index,                                                              \
-      Eigen::internal::blas_data_mapper<double, Eigen::Index, Eigen::ColMajor, Eigen::Unaligned, \
-                                        1>,                                                      \
-      unfurl::DenseKernel::mr, unfurl::DenseKernel::nr, false, false>;                           \
-  HOW template class Eigen::BDCSVD<Eigen::MatrixXd>;                                             \
-  HOW template class Eigen::JacobiSVD<Eigen::MatrixXd>;                                          \
-  HOW template class Eigen::HouseholderQR<Eigen::MatrixXd>;                                      \
-  HOW template class Eigen::ColPivHouseholderQR<Eigen::MatrixXd>;                                \
-  HOW template class Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd>;                    \
-  HOW template class Eigen::LLT<Eigen::MatrixXd, Eigen::Lower>;                                  \
-  HOW template class Eigen::LDLT<Eigen::MatrixXd, Eigen::Lower>;                                 \
-  HOW template class Eigen::PartialPivLU<Eigen::MatrixXd>;                                       \
-  HOW template class Eigen::FullPivLU<Eigen::MatrixXd>;                                          \
-  HOW template Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>&                                   \
-  Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>::compute(                                       \
-      const Eigen::EigenBase<Eigen::MatrixXd>&, int);
+#define UNFURL_DENSE(HOW)                                                                         \
+  UNFURL_DENSE_PRODUCT(HOW, ColMajor, ColMajor)                                                   \
+  UNFURL_DENSE_PRODUCT(HOW, ColMajor, RowMajor)                                                   \
+  UNFURL_DENSE_PRODUCT(HOW, RowMajor, ColMajor)                                                   \
+  UNFURL_DENSE_PRODUCT(HOW, RowMajor, RowMajor)                                                   \
+  UNFURL_DENSE_PACK(HOW, ColMajor)                                                                \
+  UNFURL_DENSE_PACK(HOW, RowMajor)                                                                \
+  HOW template struct Eigen::internal::gebp_kernel<                                               \
+      double, double, Eigen::Index,                                                               \
+      Eigen::internal::blas_data_mapper<double, Eigen::Index, Eigen::ColMajor, Eigen::Unaligned,  \
+                                        1>,                                                       \
+      unfurl::DenseKernel::mr, unfurl::DenseKernel::nr, false, false>;                            \
+  HOW template class Eigen::BDCSVD<Eigen::MatrixXd>;                                              \
+  HOW template class Eigen::JacobiSVD<Eigen::MatrixXd>;                                           \
+  HOW template class Eigen::HouseholderQR<Eigen::MatrixXd>;                                       \
+  HOW template class Eigen::ColPivHouseholderQR<Eigen::MatrixXd>;                                 \
+  HOW template class Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd>;                     \
+  HOW template class Eigen::LLT<Eigen::MatrixXd, Eigen::Lower>;                                   \
+  HOW template class Eigen::LDLT<Eigen::MatrixXd, Eigen::Lower>;                                  \
+  HOW template class Eigen::PartialPivLU<Eigen::MatrixXd>;                                        \
+  HOW template class Eigen::FullPivLU<Eigen::MatrixXd>;                                           \
+  HOW template Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>&                                    \
+  Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>::compute(                                        \
+      const Eigen::EigenBase<Eigen::MatrixXd>&, int);                                             \
+  HOW template Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>&                                    \
+  Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>::compute(                                        \
+      const Eigen::EigenBase<Eigen::Matrix3d>&, int);                                             \
+  HOW template Eigen::EigenSolver<Eigen::MatrixXd>& Eigen::EigenSolver<Eigen::MatrixXd>::compute( \
+      const Eigen::EigenBase<Eigen::MatrixXd>&, bool);                                            \
+  UNFURL_DENSE_SOLVE(HOW, Eigen::VectorXd)                                                        \
+  UNFURL_DENSE_SOLVE(HOW, Eigen::MatrixXd)
 // NOLINTEND(bugprone-macro-parentheses)
 
 UNFURL_DENSE(extern)

@@ -90,8 +90,8 @@ class Placer {
     }
     double square = here.misfit.squaredNorm(), damping = 1e-3;
     for (int k = 0; k < kBarIterations; ++k) {
-      Eigen::Matrix<double, 6, 6> A = here.by_places.transpose() * here.by_places;
-      const Eigen::Matrix<double, 6, 1> b = here.by_places.transpose() * here.misfit;
+      Eigen::MatrixXd A = here.by_places.transpose() * here.by_places;
+      const Eigen::VectorXd b = here.by_places.transpose() * here.misfit;
       A.diagonal() *= 1.0 + damping;
       A.diagonal().array() += 1e-12 * A.trace();
       const Eigen::Matrix<double, 6, 1> step = A.ldlt().solve(b);

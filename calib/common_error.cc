@@ -58,7 +58,8 @@ Eigen::Matrix3Xd WithoutRigidMotion(const Eigen::Matrix3Xd& p, const Eigen::Matr
     moment += r.cross(Eigen::Vector3d(shift.col(i)));
   }
   const Eigen::Vector3d t = shift.rowwise().mean();
-  const Eigen::Vector3d w = inertia.completeOrthogonalDecomposition().solve(moment);
+  const Eigen::Vector3d w =
+      Eigen::MatrixXd(inertia).completeOrthogonalDecomposition().solve(Eigen::VectorXd(moment));
   Eigen::Matrix3Xd out(3, p.cols());
   for (Eigen::Index i = 0; i < p.cols(); ++i) {
     out.col(i) = shift.col(i) - t - w.cross(Eigen::Vector3d(centred.col(i)));

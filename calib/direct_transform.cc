@@ -61,7 +61,9 @@ DirectFit FitDirect(const Eigen::Matrix3Xd& p, const Eigen::VectorXd& u_px) {
     q << p_scale * (p.col(i) - centre).transpose(), 1.0;
     rows.row(i) << q, -u_scale * (u_px(i) - u_mean) * q;
   }
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 8, 8>> eigen(rows.transpose() * rows);
+  // Of any size: the solver of eight by eight would be compiled for this place alone.
+  const Eigen::MatrixXd moments = rows.transpose() * rows;
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(moments);
   const Eigen::Matrix<double, 8, 1> v = eigen.eigenvectors().col(0);
 
   Eigen::Matrix4d normalise = Eigen::Matrix4d::Identity();

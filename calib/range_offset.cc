@@ -55,7 +55,7 @@ RangeOffset Grow(const Eigen::Matrix3Xd& p, const Eigen::Matrix3Xd& shift,
     }
     if (free_station) {
       A.bottomRightCorner<3, 3>() += Eigen::Matrix3d::Identity() * 1e-4;  // 100 m
-      const Eigen::Vector4d step = A.ldlt().solve(b);
+      const Eigen::Vector4d step = Eigen::MatrixXd(A).ldlt().solve(Eigen::VectorXd(b));
       offset += step(0);
       Eigen::Vector3d move = step.tail<3>();
       if (move.norm() > 3.0) move *= 3.0 / move.norm();

@@ -198,15 +198,15 @@ std::vector<WeakDirection> FindWeak(const data::Rig& rig, const std::vector<Came
     turn.block<3, 3>(3, 3) = camera.R_CW;
     const double distance = (0.5 * (rig.volume_low + rig.volume_high) - camera.p_WC).norm();
     const Vector units = Units(camera, priors[j], distance);
-    Matrix scaled = units.cwiseInverse().asDiagonal() * turn *
-                    covariance.block<kParameters, kParameters>(first, first) * turn.transpose() *
-                    units.cwiseInverse().asDiagonal();
+    Eigen::MatrixXd scaled = units.cwiseInverse().asDiagonal() * turn *
+                             covariance.block<kParameters, kParameters>(first, first) *
+                             turn.transpose() * units.cwiseInverse().asDiagonal();
     for (int k = 0; k < kTerms; ++k) {
       if (!priors[j].Fixed(k)) continue;
       scaled.row(data::kFirstTerm + k).setZero();
       scaled.col(data::kFirstTerm + k).setZero();
     }
-    const Eigen::SelfAdjointEigenSolver<Matrix> eigen(scaled);
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(scaled);
     for (int k = kParameters - 1; k >= 0; --k) {
       const double width = std::sqrt(std::max(eigen.eigenvalues()(k), 0.0));
       if (width <= 1.0) break;
