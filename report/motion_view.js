@@ -193,15 +193,20 @@ function View(canvas, data, trails) {
       if (d <= least) nearest = s, least = d;
     });
     if (!nearest) return;
+    var right = nearest.x < width / 2;
+    write(nearest.name, nearest.x + (right ? 8 : -8), nearest.y - 20, right ? 'left' : 'right');
+  }
+
+  // On a piece of paper: what is drawn may pass there.
+  function write(text, x, top, align) {
     context.font = '13px system-ui, "DejaVu Sans", sans-serif';
-    context.textBaseline = 'bottom';
-    var right = nearest.x < width / 2, x = nearest.x + (right ? 8 : -8);
-    var w = context.measureText(nearest.name).width;
+    context.textBaseline = 'top';
+    context.textAlign = align;
+    var w = context.measureText(text).width;
     context.fillStyle = tone('--paper');
-    context.fillRect(right ? x - 2 : x - w - 2, nearest.y - 22, w + 4, 17);
+    context.fillRect(align === 'left' ? x - 2 : x - w - 2, top - 2, w + 4, 17);
     context.fillStyle = tone('--ink');
-    context.textAlign = right ? 'left' : 'right';
-    context.fillText(nearest.name, x, nearest.y - 6);
+    context.fillText(text, x, top);
   }
 
   function drawPins(at) {
@@ -250,13 +255,9 @@ function View(canvas, data, trails) {
     drawMarks(at);
     context.restore();
     drawName();
-    context.fillStyle = tone('--ink');
-    context.font = '13px system-ui, "DejaVu Sans", sans-serif';
-    context.textAlign = 'left';
-    context.textBaseline = 'top';
-    context.fillText(
+    write(
         't = ' + now.toFixed(digits) + ' s' + (scale === 1 ? '' : ', bending times ' + scale),
-        margin.left + 8, margin.top + 6);
+        margin.left + 8, margin.top + 6, 'left');
   }
 
   canvas.addEventListener('pointermove', function(event) {
