@@ -70,9 +70,13 @@ class SizedList {
       const double whole = turns ? 1.0 : scale_.length;
       Joints<data::SceneFriction>(
           kind, "friction of the " + what, turns ? "N m" : "N", "moment",
-          kNext * size * whole / (T * T),
-          fmt::format("friction.creep_rate={:.17g}", kSizedCreep * whole / T));
+          kNext * size * whole / (T * T), [whole, T](const data::SceneJoint&) {
+            return fmt::format("friction.creep_rate={:.17g}", kSizedCreep * whole / T);
+          });
+      Springs(kind, what, turns ? "N m/rad" : "N/m", kNext * size / (T * T));
     }
+    Clearance();
+    Gravity();
     const bool none = std::none_of(scene_.beams.begin(), scene_.beams.end(),
                                    [](const data::SceneBeam& b) { return b.damping > 0.0; });
     for (const data::SceneBeam& beam : scene_.beams) {
@@ -83,9 +87,56 @@ class SizedList {
   }
 
  private:
+  // What comes with the effect of a joint.
+  using With = std::function<std::string(const data::SceneJoint&)>;
+
+  // Nothing says where they are at rest: at 0, or where the joints start.
+  void Springs(data::SceneJoint::Kind kind, const std::string& what, const std::string& unit,
+               double first) {
+    const auto start = [](const data::SceneJoint& joint) {
+      return joint.kind == data::SceneJoint::Kind::kRevolute ? joint.theta : joint.travel;
+    };
+    const auto free = [](double at) { return fmt::format("spring.free={:.17g}", at); };
+    Joints<data::SceneSpring>(kind, "springs of the " + what + ", at rest at 0", unit, "stiffness",
+                              first, [&](const data::SceneJoint&) { return free(0.0); });
+    const bool same = std::none_of(
+        scene_.joints.begin(), scene_.joints.end(),
+        [&](const data::SceneJoint& joint) { return joint.kind == kind && start(joint) != 0.0; });
+    if (same) return;
+    Joints<data::SceneSpring>(kind, "springs of the " + what + ", at rest at the start", unit,
+                              "stiffness", first,
+                              [&](const data::SceneJoint& joint) { return free(start(joint)); });
+  }
+
+  // About the latched angle: of latches elsewhere no one number says both stops.
+  void Clearance() {
+    for (const data::SceneJoint& joint : scene_.joints) {
+      if (joint.latch && (joint.latch->theta_a != 0.0 || joint.latch->theta_b != 0.0)) return;
+    }
+    for (const data::SceneJoint& joint : scene_.joints) {
+      if (!joint.latch) continue;
+      for (const char* stop : {"theta_a", "theta_b"}) {
+        Add("clearance of the latches", joint.name, "rad",
+            fmt::format("joint.{}.latch.{}", joint.name, stop), kNext);
+      }
+    }
+  }
+
+  // A table that tilts, a boom that is not level.
+  void Gravity() {
+    if (scene_.gravity) return;
+    const double first = kNext * scale_.length / (scale_.time * scale_.time);
+    for (const int axis : {0, 1}) {
+      const std::size_t before = out_.size();
+      Add(axis == 0 ? "gravity along x" : "gravity along y", "", "m/s^2",
+          fmt::format("gravity.acceleration[{}]", axis), first, "gravity.acceleration=[0.0, 0.0]");
+      if (out_.size() > before) out_.back().either_sign = true;
+    }
+  }
+
   template <typename E>
   void Joints(data::SceneJoint::Kind kind, const std::string& name, const std::string& unit,
-              const std::string& key, double first, const std::string& with = {}) {
+              const std::string& key, double first, const With& with = {}) {
     const auto has = [kind](const data::SceneJoint& j) {
       if (j.kind != kind) return false;
       bool found = false;
@@ -99,7 +150,7 @@ class SizedList {
       if (joint.kind != kind || joint.drive) continue;
       const std::string table = "joint." + joint.name + ".";
       Add(name, joint.name, unit, fmt::format("{}{}.{}", table, E::kKey, key), first,
-          with.empty() ? with : table + with);
+          with ? table + with(joint) : std::string());
     }
   }
 
@@ -109,7 +160,7 @@ class SizedList {
       if (std::find(p.keys.begin(), p.keys.end(), key) != p.keys.end()) return;
     }
     if (!(first > 0.0) || !std::isfinite(first)) return;
-    const std::string name = each_ ? kind + " (" + part + ")" : kind;
+    const std::string name = each_ && !part.empty() ? kind + " (" + part + ")" : kind;
     if (out_.empty() || out_.back().name != name) out_.push_back({name, unit, {}, {}, first});
     out_.back().keys.push_back(key);
     if (!with.empty()) out_.back().set.push_back(with);
@@ -190,7 +241,7 @@ struct Parabola {
 
 // What is known where nothing above 0 fits better: by how much it may move the fit all the same.
 TrialEffect Without(TrialEffect near, double sigma, double rows) {
-  near.change_sigma = near.change / near.size * sigma;
+  near.change_sigma = near.change / std::abs(near.size) * sigma;
   near.size = near.deviance = near.deviance_least = 0.0;
   near.change = near.change_rms = near.share = near.saved = 0.0;
   near.size_sigma = sigma;
@@ -214,26 +265,30 @@ void WeighSized(const SizedEffect& sized, double rows, const SizeSearch::Weigh& 
   constexpr int kRounds = 6;            // of parabolas; three are usual
   constexpr double kSettledSize = 0.3;  // of a standard error
   constexpr double kFarther = 4.0, kFarthest = 30.0;  // of the farthest size so far
+  constexpr double kNone = 1e-3;                      // of its standard error: a size that is none
   SizeSearch search(sized, weigh);
   TrialEffect near = search.Seen(kSigmas / std::sqrt(rows));
   *effect = near;
   TrialEffect far = near.fitted ? search.At(2.0 * near.size) : TrialEffect();
   for (int k = 0; k < kRounds && far.fitted; ++k) {
     const Parabola way(near, far);
-    if (way.found() && !(way.vertex > 0.0)) {
+    if (way.found() &&
+        !(sized.either_sign ? std::abs(way.vertex) > kNone * way.sigma : way.vertex > 0.0)) {
       *effect = Without(near, way.sigma, rows);
       break;
     }
     // A deviance that grows ever faster: the size is far off.
-    const double size = way.found()          ? std::min(way.vertex, kFarthest * far.size)
+    const double most = kFarthest * std::abs(far.size);
+    const double size = way.found()          ? std::clamp(way.vertex, -most, most)
                         : far.deviance > 0.0 ? kFarther * far.size
+                        : sized.either_sign  ? -near.size
                                              : 0.0;
-    if (!(size > 0.0)) break;
+    if (size == 0.0) break;
     TrialEffect next = search.At(size);
     if (!next.fitted) break;
     const double sigma = way.found() ? way.sigma : 0.0;
     next.size_sigma = sigma;
-    next.change_sigma = next.change / next.size * sigma;
+    next.change_sigma = next.change / std::abs(size) * sigma;
     const double moved = std::min(std::abs(size - far.size), std::abs(size - near.size));
     if (next.deviance >= effect->deviance || effect->size_sigma == 0.0) *effect = next;
     if (moved < kSettledSize * sigma) break;
@@ -250,7 +305,7 @@ void FitMissing(const data::Study& study, const FitStudyOptions& options,
     const auto which = std::find_if(sized.begin(), sized.end(), [&](const SizedEffect& s) {
       return s.name == e.effect.name && !e.unit.empty();
     });
-    if (which == sized.end() || !(e.size > 0.0) || !(e.probability > kSure)) continue;
+    if (which == sized.end() || e.size == 0.0 || !(e.probability > kSure)) continue;
     data::Study with = study;
     with.set.insert(with.set.end(), which->set.begin(), which->set.end());
     data::StudyParameter size;
@@ -258,7 +313,8 @@ void FitMissing(const data::Study& study, const FitStudyOptions& options,
     size.unit = which->unit;
     size.keys = which->keys;
     size.start = e.size;
-    size.high = kWidest * e.size;
+    size.high = kWidest * std::abs(e.size);
+    size.low = which->either_sign ? -size.high : 0.0;
     size.where = study.path;
     with.parameters.push_back(size);
     for (std::vector<std::string>& stage : with.free) stage.push_back(size.name);

@@ -18,11 +18,13 @@ struct SizedEffect {
   std::vector<std::string> keys;  ///< of the scene, that get the size
   std::vector<std::string> set;   ///< overrides that come with it
   double first = 0.0;             ///< next to nothing for this scene: where a search begins
+  bool either_sign = false;       ///< its size may be negative
 };
 
-/// Dampers, quadratic dampers and friction where no joint of that kind has one (revolute joints and
-/// sliders for themselves), damping of beams that have none. `each`: as EffectsOf. Without those of
-/// which the study fits a key.
+/// Springs, dampers, quadratic dampers and friction where no joint of that kind has one (revolute
+/// joints and sliders for themselves; springs at rest where the joints start), clearance of latches
+/// that have none, damping of beams that have none, gravity along x and y where there is none.
+/// `each`: as EffectsOf. Without those of which the study fits a key.
 std::vector<SizedEffect> SizedEffectsOf(const data::Scene& scene, const data::Study& study,
                                         bool each = false);
 

@@ -51,10 +51,12 @@ TEST_F(SizedEffectsTest, AreThoseThatTheSceneLacksAndTheStudyDoesNotFit) {
     for (const SizedEffect& one : SizedEffectsOf(scene, study)) out.push_back(one.name);
     return out;
   };
-  EXPECT_THAT(names(),
-              ::testing::ElementsAre("quadratic dampers of the joints", "friction of the joints",
-                                     "dampers of the sliders", "quadratic dampers of the sliders",
-                                     "friction of the sliders"));
+  EXPECT_THAT(names(), ::testing::ElementsAre(
+                           "quadratic dampers of the joints", "friction of the joints",
+                           "springs of the joints, at rest at 0",
+                           "springs of the joints, at rest at the start", "dampers of the sliders",
+                           "quadratic dampers of the sliders", "friction of the sliders",
+                           "springs of the sliders, at rest at 0"));
   study.parameters.push_back({"p", "", {"joint.hinge.friction.moment"}});
   EXPECT_THAT(names(), ::testing::Not(::testing::Contains("friction of the joints")));
 }
@@ -103,6 +105,105 @@ TEST_F(SizedEffectsTest, WhatIsNotThereIsNotNeeded) {
     }
     EXPECT_EQ(sized, 3);
   }
+}
+
+// A 250th of what gravity does; one at rest where the arm starts would move its middle as well.
+TEST_F(SizedEffectsTest, ASpringThatTheSceneLacksIsMissed) {
+  Record({.linear = 0.02, .stiffness = 0.02}, kSigma, 3);
+  const TrialEffects e = WeighTrialEffects(LawStudy("damped", {"damper"}), {});
+  const TrialEffect& spring = Of(e, "springs of the joints, at rest at 0");
+  EXPECT_EQ(spring.verdict, EffectVerdict::kNeeded) << spring.message;
+  EXPECT_NEAR(spring.size, 0.02, 4.0 * spring.size_sigma);
+  EXPECT_NE(Of(e, "springs of the joints, at rest at the start").verdict, EffectVerdict::kNeeded);
+}
+
+// An arm on a table, held by a spring; its motion by a Runge-Kutta rule of this test's own.
+class TableTest : public SizedEffectsTest {
+ protected:
+  static constexpr double kMass = 1.0, kArm = 0.5, kInertia = 1.0 / 12.0 + 0.25;  // about the pin
+  static constexpr double kStiffness = 0.4, kDamping = 0.02, kStart = 0.6;
+
+  // 600 readings of the angle, every 10 ms, of a table that is tilted.
+  void RecordTilted(double gx, double gy, std::uint64_t seed) const {
+    const auto rate = [&](double angle, double speed) {
+      return (-kStiffness * angle - kDamping * speed +
+              kMass * kArm * (gy * std::cos(angle) - gx * std::sin(angle))) /
+             kInertia;
+    };
+    Rng rng(seed);
+    std::string text = "t [s],angle [rad]\n";
+    double angle = kStart, speed = 0.0;
+    constexpr int kSteps = 10;  // to a reading: errors of 1e-12
+    constexpr double h = 1e-3;  // [s]
+    for (int i = 0; i < 600; ++i) {
+      text += fmt::format("{:.4f},{:.9f}\n", 0.01 * i, angle + kSigma * rng.Normal());
+      for (int k = 0; k < kSteps; ++k) {
+        const double a = rate(angle, speed);
+        const double v2 = speed + 0.5 * h * a, b = rate(angle + 0.5 * h * speed, v2);
+        const double v3 = speed + 0.5 * h * b, c = rate(angle + 0.5 * h * v2, v3);
+        const double v4 = speed + h * c, d = rate(angle + h * v3, v4);
+        angle += h / 6.0 * (speed + 2.0 * v2 + 2.0 * v3 + v4);
+        speed += h / 6.0 * (a + 2.0 * b + 2.0 * c + d);
+      }
+    }
+    Put("angle.csv", text);
+  }
+  // Damping and stiffness are sought.
+  TrialEffects WeighOnTable() const {
+    Put("table.toml",
+        "[scene]\nname = \"arm\"\nduration = 6.2\n"
+        "[body.arm]\nmass = 1.0\ninertia = 0.08333333333333333\n"
+        "[joint.hinge]\ninner = \"ground\"\nouter = \"arm\"\n"
+        "outer_point = [-0.5, 0.0]\ntheta = 0.6\n"
+        "[joint.hinge.damper]\ndamping = 0.02\n[joint.hinge.spring]\nstiffness = 0.39\n"
+        "[mark.tip]\non = \"arm\"\npoint = [0.5, 0.0]\n");
+    return WeighTrialEffects(
+        StudyOf("table", "table.toml", kSigma,
+                "[parameter.damping]\nkeys = [\"joint.hinge.damper.damping\"]\nstart = 0.03\n"
+                "bounds = [1e-6, 1.0]\n"
+                "[parameter.stiffness]\nkeys = [\"joint.hinge.spring.stiffness\"]\n"
+                "start = 0.39\nbounds = [0.01, 4.0]\n"),
+        {});
+  }
+};
+
+TEST_F(TableTest, ATiltIsMissedWithItsSign) {
+  const double gy = -0.004;  // [m/s^2]: 0.4 mrad
+  RecordTilted(0.0, gy, 11);
+  const TrialEffects e = WeighOnTable();
+  const TrialEffect& tilt = Of(e, "gravity along y");
+  EXPECT_EQ(tilt.verdict, EffectVerdict::kNeeded) << tilt.message;
+  EXPECT_NEAR(tilt.size, gy, 4.0 * tilt.size_sigma);
+  EXPECT_LT(tilt.size_sigma, 0.2 * std::abs(gy));
+}
+
+// So much of it that the scene without it explains nothing: a fit with it does.
+TEST_F(TableTest, AStrongTiltExplainsWhatNothingElseDoes) {
+  RecordTilted(0.0, 0.1, 12);
+  const TrialEffects e = WeighOnTable();
+  EXPECT_FALSE(Explains(e.fit));
+  const TrialEffect& tilt = Of(e, "gravity along y");
+  EXPECT_EQ(tilt.verdict, EffectVerdict::kNeeded) << tilt.message;
+  EXPECT_THAT(tilt.message, HasSubstr("with it the model explains the data"));
+  EXPECT_NEAR(tilt.size, 0.1, 4.0 * tilt.size_sigma);
+}
+
+TEST_F(TableTest, ALevelTableIsNotToldToTilt) {
+  const int seeds = Repeats(3, 60);
+  double squares = 0.0;
+  for (int seed = 1; seed <= seeds; ++seed) {
+    RecordTilted(0.0, 0.0, static_cast<std::uint64_t>(seed));
+    const TrialEffects e = WeighOnTable();
+    for (const char* axis : {"gravity along x", "gravity along y"}) {
+      const TrialEffect& tilt = Of(e, axis);
+      EXPECT_NE(tilt.verdict, EffectVerdict::kNeeded) << seed << ": " << axis;
+      squares += std::pow(tilt.size / tilt.size_sigma, 2);
+    }
+  }
+  std::printf("squared sizes over stated %.2f of %d\n", squares / (2.0 * seeds), seeds);
+  // Chance of 1e-4 on either side.
+  EXPECT_GT(squares, ChiSquareQuantile(1e-4, 2.0 * seeds));
+  EXPECT_LT(squares, ChiSquareQuantile(1.0 - 1e-4, 2.0 * seeds));
 }
 
 // By a damper ten times as strong swings fade as by no other law.
