@@ -34,6 +34,7 @@ constexpr double kNear = 0.3;      // change of a variance at which residuals ca
 // free one camera of all others.
 constexpr double kMostGrowth = 3.0;
 constexpr double kFloorSigmas = 1.645;  // of the score: chance reaches as much in 5% of cases
+constexpr int kLastIterations = 10;     // times as many for the bundle whose numbers are told [-]
 constexpr int kHalvings = 60;           // of a bracket: to the last digit
 
 // Readings that share a floor.
@@ -236,7 +237,10 @@ void RefineWand(const WandFitOptions& options, const std::string& where, WandFit
   }
   DropLostPoses(fit);
   RequirePoses(*fit, options, where);
-  RefitWand(options.bundle, fit);
+  // What comes out is to be at its minimum; before it was enough to be near.
+  BundleOptions last = options.bundle;
+  last.max_iterations *= kLastIterations;
+  RefitWand(last, fit);
 }
 
 }  // namespace

@@ -180,6 +180,24 @@ TEST(Wand, MovesBetweenFlashes) {
 #endif
 }
 
+// Of a bar that moves between its flashes every pose has speeds, too, and along what the poses
+// hardly tell of the lenses a search creeps.
+TEST(Wand, FaultlessWavesThatMoveConverge) {
+  for (const std::uint64_t seed : {21, 22, 23, 24}) {
+    const auto truth = MakeRig({}, Rng(seed));
+    Wave wave{.poses = 200, .length = 0.6, .half = 0.4};
+    wave.reading_sigma = 0.03;
+    wave.interval = 0.1;
+    wave.flash = 0.001;
+    wave.hertz = 0.1;
+    WandOptions options;
+    options.folds = 2;
+    const WandCalibration found =
+        CalibrateWand(WaveBefore(truth, wave, Rng(seed)).data, options, "wand");
+    EXPECT_NE(found.rig.verdict, "do not use") << seed << ": " << found.rig.reasons.front();
+  }
+}
+
 TEST(Wand, NamesWhatAWaveLeavesOpen) {
   const auto truth = MakeRig({}, Rng(9));
   WandOptions options;
