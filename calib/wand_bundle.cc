@@ -14,6 +14,7 @@
 #include "calib/block_store.h"
 #include "calib/bundle_costs.h"
 #include "calib/near_minimum.h"
+#include "calib/serial_openmp.h"
 #include "calib/stop_on_interrupt.h"
 #include "calib/wand_costs.h"
 #include "calib/wand_system.h"
@@ -94,6 +95,7 @@ class WandProblem {
     solver.callbacks.push_back(stop.get());
     ceres::Solver::Summary report;
     const LogSilence silence;
+    const SerialOpenMp serial;
     ceres::Solve(solver, &problem_, &report);
     ThrowIfInterrupted();
     *near = NearMinimum(report, std::move(solver), &problem_);
