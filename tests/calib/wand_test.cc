@@ -194,7 +194,7 @@ TEST(Wand, FaultlessWavesThatMoveConverge) {
     options.folds = 2;
     const WandCalibration found =
         CalibrateWand(WaveBefore(truth, wave, Rng(seed)).data, options, "wand");
-    EXPECT_NE(found.rig.verdict, "do not use") << seed << ": " << found.rig.reasons.front();
+    EXPECT_NE(found.rig.verdict, kDoNotUse) << seed << ": " << found.rig.reasons.front();
   }
 }
 

@@ -1,4 +1,5 @@
-// The main job on half of the trial and the segments; main_job_slow_test.cc runs the whole, with many seeds.
+// The main job on half of the trial and of the segments; main_job_slow_test.cc runs the whole, with
+// many seeds.
 #include "tests/cli/main_job.h"
 
 #include <gmock/gmock.h>

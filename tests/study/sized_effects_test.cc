@@ -117,6 +117,34 @@ TEST_F(SizedEffectsTest, ASpringThatTheSceneLacksIsMissed) {
   EXPECT_NE(Of(e, "springs of the joints, at rest at the start").verdict, EffectVerdict::kNeeded);
 }
 
+// An arm that its spring drives into a latch whose stops meet where it latches.
+TEST_F(SizedEffectsTest, ClearanceThatTheSceneLacksIsMissed) {
+  const auto with = [](double stop) {
+    return fmt::format(
+        "[scene]\nname = \"arm\"\nduration = 6.0\n"
+        "[contact.lock]\nK = 1e8\nC = 2e4\nQ = 3.0\nepsilon = 5e-6\n"
+        "[body.arm]\nmass = 1.0\ninertia = 0.08333333333333333\n"
+        "[joint.hinge]\ninner = \"ground\"\nouter = \"arm\"\n"
+        "outer_point = [-0.5, 0.0]\ntheta = 0.8\n"
+        "[joint.hinge.spring]\nstiffness = 0.5\npreload = 0.5\n"
+        "[joint.hinge.damper]\ndamping = 0.02\n"
+        "[joint.hinge.latch]\ntheta_a = {0}\ntheta_b = {0}\nlever = 0.02\ncontact = \"lock\"\n",
+        stop);
+  };
+  constexpr double kStop = 0.01;  // [rad]
+  RecordScene(with(kStop), kSigma, 4);
+  Put("latch.toml", with(0.0));
+  const TrialEffects e = WeighTrialEffects(
+      StudyOf("latch", "latch.toml", kSigma,
+              "[parameter.stiffness]\nkeys = [\"joint.hinge.spring.stiffness\"]\nstart = 0.45\n"
+              "bounds = [0.1, 2.0]\n"),
+      {});
+  const TrialEffect& clearance = Of(e, "clearance of the latches");
+  EXPECT_EQ(clearance.verdict, EffectVerdict::kNeeded) << clearance.message;
+  EXPECT_NEAR(clearance.size, kStop, 4.0 * clearance.size_sigma);
+  EXPECT_LT(clearance.size_sigma, 0.02 * kStop);
+}
+
 // An arm on a table, held by a spring; its motion by a Runge-Kutta rule of this test's own.
 class TableTest : public SizedEffectsTest {
  protected:

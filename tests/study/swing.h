@@ -50,8 +50,12 @@ class SwingTest : public ::testing::Test {
 
   // 580 readings of the angle, a line every 10 ms.
   void Record(const Laws& laws, double sigma, std::uint64_t seed) const {
+    RecordScene(Scene(laws), sigma, seed);
+  }
+  // Of any scene with a hinge.
+  void RecordScene(const std::string& scene, double sigma, std::uint64_t seed) const {
     SceneModelOptions options;
-    options.scene = Put("truth.toml", Scene(laws));
+    options.scene = Put("truth.toml", scene);
     options.rtol = 1e-10;
     const SceneModel model(options, {});
     correlate::Stamps stamps;

@@ -6,6 +6,7 @@
 
 #include <cmath>
 
+#include "correlate/fit/refit.h"
 #include "study/effect_versions.h"
 #include "tests/study/swing.h"
 
